@@ -1,0 +1,50 @@
+# `make demo` shows the whole of ThinkNav; `make test` checks it. Both set up what they need.
+
+PYTHON ?= python3
+BIN := .venv/bin
+
+.PHONY: help setup demo test check format pins clean
+
+help:
+	@echo 'make demo    train a robot that thinks, evaluate it, write runs/demo/report.html (about 10 minutes)'
+	@echo 'make test    formatting, lint, types, tests'
+	@echo 'make setup   only install: .venv with pinned versions'
+	@echo 'make format  format the code'
+	@echo 'make clean   remove what was made, but for runs/'
+
+setup: .venv/installed
+
+.venv/installed: pyproject.toml constraints.txt
+	@$(PYTHON) -c 'import sys; sys.exit(not (3, 11) <= sys.version_info < (3, 14))' \
+	  || { echo "ThinkNav needs Python 3.11 to 3.13; set PYTHON=/path/to/one (found: $$($(PYTHON) --version 2>&1))" >&2; exit 1; }
+	@scripts/system-libraries
+	@test -x $(BIN)/python || $(PYTHON) -m venv .venv \
+	  || { echo "could not make .venv; on Debian: sudo apt-get install python3-venv" >&2; exit 1; }
+	@echo 'installing into .venv (a few minutes the first time)'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[server,train,dev]'
+	@touch $@
+
+demo: setup
+	@$(BIN)/thinknav demo
+
+test: setup check
+	$(BIN)/pytest
+
+check: setup
+	$(BIN)/ruff format --check
+	$(BIN)/ruff check
+	$(BIN)/mypy
+
+format: setup
+	$(BIN)/ruff format
+	$(BIN)/ruff check --fix
+
+# Take the versions that are installed now as the pinned ones.
+pins: setup
+	@{ sed -n '/^#/p' constraints.txt; \
+	   $(BIN)/python -m pip freeze --exclude-editable | grep -vE '^(-e|thinknav)' | sed 's/^torch==.*/torch==2.13.0/'; } > constraints.new
+	@mv constraints.new constraints.txt
+
+clean:
+	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,76 @@
+"""A policy that acts for N agents: it remembers what they did and felt. Knows nothing of envs, rewards and learning."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from thinknav_trainer.policy import Policy
+from thinknav_trainer.precision import Precision, autocast
+
+NO_ACTION = -1
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What N agents do. actions: (N,) int64. log_probs, values: (N,). hidden: the state after it, (2, layers, N, H)."""
+
+    actions: Tensor
+    log_probs: Tensor
+    values: Tensor
+    hidden: Tensor
+
+
+class Actor:
+    """Samples actions, or takes the likeliest ones when `greedy`.
+
+    previous: (N,) the last actions, NO_ACTION where an episode begins. hidden: the LSTM's state.
+    """
+
+    def __init__(self, policy: Policy, count: int, precision: Precision, seed: int, greedy: bool = False) -> None:
+        self.previous = torch.full((count,), NO_ACTION)
+        self.hidden = policy.initial_hidden(count)
+        self._policy = policy
+        self._precision = precision
+        self._greedy = greedy
+        self._generator = torch.Generator().manual_seed(seed)
+
+    @torch.no_grad()
+    def decide(self, observations: Mapping[str, NDArray[Any]]) -> Decision:
+        """Choose the next actions."""
+        logits, values, hidden = self._forward(observations, self.previous, self.hidden)
+        log_probs = logits.log_softmax(dim=1)
+        if self._greedy:
+            actions = log_probs.argmax(dim=1, keepdim=True)
+        else:
+            actions = torch.multinomial(log_probs.exp(), 1, generator=self._generator)
+        return Decision(actions[:, 0], log_probs.gather(1, actions)[:, 0], values, hidden)
+
+    @torch.no_grad()
+    def values(self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor) -> Tensor:
+        """What observations are worth, without acting on them."""
+        return self._forward(observations, previous, hidden)[1]
+
+    def advance(self, decision: Decision, done: NDArray[np.bool_]) -> None:
+        """The actions were taken; where an episode ended, forget it."""
+        ended = torch.from_numpy(done)
+        self.previous = torch.where(ended, NO_ACTION, decision.actions)
+        self.hidden = decision.hidden * ~ended[None, None, :, None]
+
+    def _forward(
+        self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        tensors = {name: torch.from_numpy(values) for name, values in observations.items()}
+        with autocast(self._precision):
+            return self._policy.step(tensors, previous, hidden)
+
+    def state_dict(self) -> dict[str, Any]:
+        return {"previous": self.previous, "hidden": self.hidden, "generator": self._generator.get_state()}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        self.previous, self.hidden = state["previous"], state["hidden"]
+        self._generator.set_state(state["generator"])

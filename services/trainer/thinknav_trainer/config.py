@@ -1,0 +1,248 @@
+"""What a run is made of: typed, validated, and refused where it is not understood.
+
+A configuration starts from a preset (`presets/*.yaml`), takes a user's YAML file over it, then each `--set a.b=c`.
+Every key is described here and nowhere else.
+"""
+
+import difflib
+from collections.abc import Iterable, Mapping
+from importlib import resources
+from pathlib import Path
+from typing import Any, Literal
+
+import yaml
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from thinknav_sim.task_config import ObjectNavConfig
+
+from thinknav_trainer.precision import Precision
+
+
+class ConfigError(ValueError):
+    """A configuration that cannot be used; the message says which key, what is wrong, and the nearest right one."""
+
+
+class Section(BaseModel):
+    """A part of the configuration: immutable, and closed to keys that it does not know."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class ScenesConfig(Section):
+    """Which homes, and how many episodes in them."""
+
+    homes: int = Field(1, ge=1, description="procedural homes to train in")
+    first_home: int = Field(0, ge=0, description="index of the first one in the training range of seeds")
+    rooms: int | None = Field(None, ge=1, le=8, description="rooms of each home; none: the home decides")
+    episodes: int = Field(400, ge=10, description="episodes made in each home, before the split")
+    held_out: float = Field(0.1, gt=0, lt=1, description="share of them held out, stratified by category")
+    min_distance: float = Field(1.0, gt=0, description="shortest way from start to goal, metres")
+    max_distance: float = Field(30.0, gt=0, description="longest way from start to goal, metres")
+
+    @model_validator(mode="after")
+    def _distances_in_order(self) -> "ScenesConfig":
+        if self.min_distance >= self.max_distance:
+            raise ValueError(f"min_distance {self.min_distance} is not below max_distance {self.max_distance}")
+        return self
+
+
+class ThinkConfig(Section):
+    """The think action: when it is there, what it costs, what follows from it."""
+
+    strategy: Literal["never", "agent"] = Field(
+        "agent", description="never: the PPO baseline, no planner; agent: the policy decides when to think"
+    )
+    reward: Literal["task", "think_cost", "paper"] = Field("think_cost", description="the reward scheme (rewards.py)")
+    cost: float = Field(0.01, ge=0, description="charged for each think")
+    agreement_bonus: float = Field(0.1, ge=0, description="the paper's reward for doing what the subgoal says")
+    frame_size: int = Field(128, ge=16, le=1024, description="width and height of the frame the planner sees, pixels")
+    frame_encoding: Literal["jpeg", "raw"] = Field("jpeg", description="how the frame travels")
+    deadline: float = Field(10.0, gt=0, description="seconds after which a reply is of no use")
+    patience: float = Field(60.0, ge=0, description="seconds without any planner after which the run stops")
+
+
+class PolicyConfig(Section):
+    """The recurrent actor-critic network."""
+
+    channels: tuple[int, int, int] = Field((16, 32, 32), description="channels of the visual encoder's convolutions")
+    visual_size: int = Field(256, ge=1, description="width of the visual features")
+    thought_size: int = Field(64, ge=1, description="width of the thought after its linear layer")
+    hidden_size: int = Field(256, ge=1, description="width of the LSTM")
+    lstm_layers: int = Field(1, ge=1, le=4, description="layers of the LSTM")
+    stop_bias: float = Field(-4.0, description="prior on the logit of stop; keeps first episodes from ending at once")
+    think_bias: float = Field(0.0, description="prior on the logit of think")
+
+
+class PPOConfig(Section):
+    """Proximal policy optimisation, with the names of Habitat's DD-PPO configuration."""
+
+    num_steps: int = Field(64, ge=2, description="environment steps of each env between two updates")
+    chunk_length: int = Field(16, ge=1, description="steps of a recurrent training sequence")
+    epochs: int = Field(4, ge=1, description="passes over a rollout")
+    minibatches: int = Field(2, ge=1, description="minibatches of a pass")
+    lr: float = Field(2.5e-4, gt=0, description="Adam's learning rate")
+    lr_decay: bool = Field(False, description="decay the learning rate linearly to zero over the run")
+    adam_eps: float = Field(1e-5, gt=0, description="Adam's epsilon")
+    clip: float = Field(0.2, gt=0, description="clip range of the probability ratio and of the value")
+    gamma: float = Field(0.99, gt=0, le=1, description="discount")
+    tau: float = Field(0.95, ge=0, le=1, description="lambda of generalised advantage estimation")
+    value_coef: float = Field(0.5, ge=0, description="weight of the value loss")
+    entropy_coef: float = Field(0.01, ge=0, description="weight of the entropy bonus")
+    max_grad_norm: float = Field(0.2, gt=0, description="gradients are clipped to this norm")
+    clip_value_loss: bool = Field(True, description="clip the value's change, as Habitat does")
+    normalize_advantages: bool = Field(True, description="zero mean, unit deviation over a rollout (Habitat: off)")
+    precision: Precision = Field(
+        "auto", description="of the policy's matrix products; auto: bfloat16 where the processor has it"
+    )
+
+
+class TrainConfig(Section):
+    """A whole run."""
+
+    seed: int = Field(0, ge=0, description="of everything: homes are fixed, episodes, weights and actions follow it")
+    total_steps: int = Field(160_000, ge=1, description="environment steps, think steps included")
+    max_minutes: float | None = Field(None, gt=0, description="stop after this wall time even if steps are left")
+    num_envs: int = Field(16, ge=1, description="agents that move in one batch")
+    threads: int = Field(0, ge=0, description="threads of torch and of the renderer; 0: the machine's cores")
+    planner: str = Field("http://127.0.0.1:8765", description="where the planning service is")
+    checkpoint_every: int = Field(20_000, ge=1, description="environment steps between checkpoints")
+    keep_checkpoints: int = Field(3, ge=1, description="how many are kept")
+    scenes: ScenesConfig = ScenesConfig()
+    env: ObjectNavConfig = ObjectNavConfig()
+    think: ThinkConfig = ThinkConfig()
+    policy: PolicyConfig = PolicyConfig()
+    ppo: PPOConfig = PPOConfig()
+
+    @model_validator(mode="after")
+    def _consistent(self) -> "TrainConfig":
+        if self.ppo.minibatches > self.num_envs * self.ppo.num_steps // self.ppo.chunk_length:
+            raise ValueError(
+                f"ppo.minibatches {self.ppo.minibatches} is more than the sequences of a rollout "
+                f"({self.num_envs} envs x {self.ppo.num_steps} steps / chunks of {self.ppo.chunk_length})"
+            )
+        if self.env.think_action:
+            raise ValueError("env.think_action follows from think.strategy; set that instead")
+        return self
+
+    @property
+    def task(self) -> ObjectNavConfig:
+        """The simulator's configuration: `env`, with the think action where the strategy has one."""
+        return self.env.model_copy(update={"think_action": self.think.strategy != "never"})
+
+    @property
+    def steps_per_update(self) -> int:
+        return self.num_envs * self.ppo.num_steps
+
+
+def presets() -> list[str]:
+    """Names of the presets that ship with ThinkNav."""
+    folder = resources.files("thinknav_trainer") / "presets"
+    return sorted(Path(entry.name).stem for entry in folder.iterdir() if entry.name.endswith(".yaml"))
+
+
+def load_config(preset: str = "cpu", file: Path | None = None, overrides: Iterable[str] = ()) -> TrainConfig:
+    """Preset, then file, then `a.b=c` overrides. Raises ConfigError."""
+    if preset not in presets():
+        raise ConfigError(
+            f"there is no preset {preset!r}{_nearest(preset, presets())}; there are {', '.join(presets())}"
+        )
+    text = (resources.files("thinknav_trainer") / "presets" / f"{preset}.yaml").read_text()
+    return _layered(_read_yaml(text, preset), file, overrides)
+
+
+def change_config(config: TrainConfig, file: Path | None = None, overrides: Iterable[str] = ()) -> TrainConfig:
+    """A configuration with a file and overrides over it. Raises ConfigError."""
+    return _layered(config.model_dump(mode="json"), file, overrides)
+
+
+def _layered(values: dict[str, Any], file: Path | None, overrides: Iterable[str]) -> TrainConfig:
+    if file is not None:
+        try:
+            text = file.read_text()
+        except OSError as error:
+            raise ConfigError(f"cannot read {file}: {error.strerror}") from None
+        _merge(values, _read_yaml(text, str(file)))
+    for override in overrides:
+        _merge(values, _parse_override(override))
+    return parse_config(values)
+
+
+def parse_config(values: Mapping[str, Any]) -> TrainConfig:
+    """A configuration from plain values. Raises ConfigError that names each wrong key."""
+    try:
+        return TrainConfig.model_validate(values)
+    except ValidationError as error:
+        raise ConfigError("; ".join(_explain(problem) for problem in error.errors())) from None
+
+
+def _explain(problem: Any) -> str:
+    path = [str(part) for part in problem["loc"]]
+    key = ".".join(path)
+    if problem["type"] == "extra_forbidden":
+        return f"there is no configuration key {key!r}{_nearest_key(path)}"
+    message = str(problem["msg"]).removeprefix("Value error, ")
+    return f"{key}: {message} (got {problem['input']!r})" if key else message
+
+
+def _nearest_key(path: list[str]) -> str:
+    """The key that was probably meant: in the same section first, else anywhere."""
+    keys = list(_all_keys(TrainConfig))
+    return _nearest(".".join(path), keys, last_part=path[-1])
+
+
+def _all_keys(section: type[BaseModel], prefix: str = "") -> Iterable[str]:
+    for name, info in section.model_fields.items():
+        if isinstance(info.annotation, type) and issubclass(info.annotation, BaseModel):
+            yield from _all_keys(info.annotation, f"{prefix}{name}.")
+        else:
+            yield prefix + name
+
+
+def _nearest(word: str, choices: list[str], last_part: str | None = None) -> str:
+    close = difflib.get_close_matches(word, choices, n=1, cutoff=0.75)
+    if not close and last_part is not None:
+        names = {choice.rsplit(".", 1)[-1]: choice for choice in choices}
+        close = [names[name] for name in difflib.get_close_matches(last_part, list(names), n=1)]
+    return f"; did you mean {close[0]!r}?" if close else ""
+
+
+def _read_yaml(text: str, source: str) -> dict[str, Any]:
+    try:
+        values = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ConfigError(f"{source} is not YAML: {' '.join(str(error).split())}") from None
+    if values is None:
+        return {}
+    if not isinstance(values, dict):
+        raise ConfigError(f"{source} must hold a mapping of keys to values, not a {type(values).__name__}")
+    return values
+
+
+def _parse_override(override: str) -> dict[str, Any]:
+    key, equals, text = override.partition("=")
+    parts = key.strip().split(".")
+    if not equals or not all(parts):
+        raise ConfigError(f"--set takes key=value, such as ppo.lr=1e-4, not {override!r}")
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError:
+        raise ConfigError(f"--set {key}: {text!r} is not a value that YAML understands") from None
+    if isinstance(value, str):  # YAML 1.1 reads 1e-4 as a word
+        value = _number_or_word(value)
+    for part in reversed(parts):
+        value = {part: value}
+    return dict(value)
+
+
+def _number_or_word(value: str) -> str | float:
+    try:
+        return float(value)
+    except ValueError:
+        return value
+
+
+def _merge(into: dict[str, Any], values: Mapping[str, Any]) -> None:
+    for key, value in values.items():
+        if isinstance(value, Mapping) and isinstance(into.get(key), dict):
+            _merge(into[key], value)
+        else:
+            into[key] = value

@@ -1,0 +1,54 @@
+"""The client of planning services: ask for subgoals, item by item, whatever the network does.
+
+    with connect("http://127.0.0.1:8765") as planner:
+        replies = planner.ask(requests)
+
+`MockTransport` stands in for a service, with any behaviour that a function can have. The errors are the
+contract's.
+"""
+
+from thinknav_proto import (
+    DeadlineExceeded,
+    Frame,
+    InvalidRequest,
+    Overloaded,
+    PlannerError,
+    PlannerFailed,
+    PlannerInfo,
+    ProtocolMismatch,
+    SubgoalReply,
+    SubgoalRequest,
+    Unauthenticated,
+    Unavailable,
+)
+
+from thinknav_trainer.planner.client import Counts, PlannerClient
+from thinknav_trainer.planner.connect import connect
+from thinknav_trainer.planner.frames import encode_frame
+from thinknav_trainer.planner.http_transport import HttpTransport
+from thinknav_trainer.planner.mock_transport import MOCK_INFO, MockTransport, reply_to
+from thinknav_trainer.planner.transport import Transport
+
+__all__ = [
+    "MOCK_INFO",
+    "Counts",
+    "DeadlineExceeded",
+    "Frame",
+    "HttpTransport",
+    "InvalidRequest",
+    "MockTransport",
+    "Overloaded",
+    "PlannerClient",
+    "PlannerError",
+    "PlannerFailed",
+    "PlannerInfo",
+    "ProtocolMismatch",
+    "SubgoalReply",
+    "SubgoalRequest",
+    "Transport",
+    "Unauthenticated",
+    "Unavailable",
+    "connect",
+    "encode_frame",
+    "reply_to",
+]

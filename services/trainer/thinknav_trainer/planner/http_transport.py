@@ -1,0 +1,88 @@
+"""Questions over HTTP, one POST for each body of many frames.
+
+Knows URLs, timeouts and status codes; what the answers mean is for the client.
+"""
+
+from collections.abc import Sequence
+
+import httpx
+from thinknav_proto import (
+    CONTENT_TYPE,
+    DeadlineExceeded,
+    EmbedReply,
+    EmbedRequest,
+    PlannerError,
+    PlannerInfo,
+    ProtocolMismatch,
+    SubgoalReply,
+    SubgoalRequest,
+    Unavailable,
+    decode_embed_reply,
+    decode_info,
+    decode_replies,
+    encode_embed_request,
+    encode_requests,
+)
+
+# A proxy before the service answers these by itself when the service is away.
+_GATEWAY_STATUSES = (502, 503, 504)
+
+
+class HttpTransport:
+    """A service at a URL such as http://127.0.0.1:8765. Raises Unavailable for a URL that is none.
+
+    connect_timeout: seconds until the connection stands. timeout: seconds for the answer to a question
+    without a deadline of its own. grace: seconds beyond the latest deadline of a body, for the travel of its
+    bytes. Proxies named in the environment are not used.
+    """
+
+    def __init__(self, url: str, *, connect_timeout: float = 5.0, timeout: float = 30.0, grace: float = 5.0) -> None:
+        self._url = url.rstrip("/")
+        self._connect_timeout = connect_timeout
+        self._timeout = timeout
+        self._grace = grace
+        if not self._url.startswith(("http://", "https://")):
+            raise Unavailable(f"{url!r} is not the URL of a planning service; those read http://127.0.0.1:8765")
+        self._client = httpx.Client(trust_env=False, headers={"Accept": CONTENT_TYPE})
+
+    def info(self) -> PlannerInfo:
+        return decode_info(self._call("GET", "/v1/planner", None, self._timeout))
+
+    def ask(self, requests: Sequence[SubgoalRequest]) -> Sequence[SubgoalReply | PlannerError]:
+        patience = max(request.deadline for request in requests) + self._grace
+        return decode_replies(self._call("POST", "/v1/subgoals", encode_requests(requests), patience))
+
+    def embed(self, request: EmbedRequest) -> EmbedReply:
+        return decode_embed_reply(self._call("POST", "/v1/embeddings", encode_embed_request(request), self._timeout))
+
+    def close(self) -> None:
+        self._client.close()
+
+    def _call(self, method: str, path: str, body: bytes | None, timeout: float) -> bytes:
+        """The body of the answer, whatever its status, provided that it speaks our protocol."""
+        try:
+            response = self._client.request(
+                method,
+                self._url + path,
+                content=body,
+                headers={"Content-Type": CONTENT_TYPE} if body else {},
+                timeout=httpx.Timeout(timeout, connect=self._connect_timeout, pool=self._connect_timeout),
+            )
+        except (httpx.ConnectError, httpx.ConnectTimeout) as error:
+            raise Unavailable(
+                f"no planning service at {self._url} ({_reason(error)}); "
+                "start one with: thinknav-server serve --port 8765"
+            ) from None
+        except (httpx.ReadTimeout, httpx.WriteTimeout):
+            raise DeadlineExceeded(f"the service at {self._url} did not answer within {timeout:g} s") from None
+        except (httpx.HTTPError, httpx.InvalidURL) as error:
+            raise Unavailable(f"the service at {self._url} cannot be reached: {_reason(error)}") from None
+        if response.headers.get("content-type", "").partition(";")[0].strip().lower() == CONTENT_TYPE:
+            return response.content
+        if response.status_code in _GATEWAY_STATUSES:
+            raise Unavailable(f"a gateway at {self._url} answers {response.status_code}: its service is away")
+        raise ProtocolMismatch(f"what answers at {self._url} is no planning service (HTTP {response.status_code})")
+
+
+def _reason(error: Exception) -> str:
+    return " ".join(str(error).split())[:200] or type(error).__name__

@@ -1,0 +1,157 @@
+"""The recurrent actor-critic: what it sees, in the order of Habitat's PointNavResNetNet, plus the thought.
+
+RNN input: [visual features | goal embedding | cos, sin of compass | gps | thought | previous action] -> LSTM -> action
+logits and value. Knows nothing of rewards, planners or where observations come from.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import torch
+from thinknav_sim.scene import GOAL_CATEGORIES
+from thinknav_sim.task_config import Action
+from torch import Tensor, nn
+
+from thinknav_trainer.config import PolicyConfig
+
+EMBEDDING_SIZE = 32  # of goal, compass, gps and previous action, as in Habitat
+
+
+@dataclass(frozen=True)
+class ObservationShape:
+    """What the network must fit: image height and width, number of actions, length of a thought (0: none)."""
+
+    height: int
+    width: int
+    num_actions: int
+    thought_size: int
+
+
+@dataclass(frozen=True)
+class Sequences:
+    """How M transitions, laid one after the other, fall into S recurrent sequences of at most L steps.
+
+    index: (L, S) int64, the transition at each place; padding repeats some valid one.
+    mask: (L, S) bool, false where there is only padding.
+    hidden: (2, layers, S, H) float32, the LSTM's state before the first step of each.
+    """
+
+    index: Tensor
+    mask: Tensor
+    hidden: Tensor
+
+
+class VisualEncoder(nn.Module):
+    """RGB-D to features: three convolutions, a third of the resolution that they were designed for."""
+
+    def __init__(self, height: int, width: int, channels: tuple[int, int, int], out_features: int) -> None:
+        super().__init__()
+        first, second, third = channels
+        self.convolutions = nn.Sequential(
+            nn.Conv2d(4, first, kernel_size=8, stride=4, padding=2),
+            nn.ReLU(),
+            nn.Conv2d(first, second, kernel_size=4, stride=2, padding=1),
+            nn.ReLU(),
+            nn.Conv2d(second, third, kernel_size=3, stride=2, padding=1),
+            nn.ReLU(),
+            nn.Flatten(),
+        )
+        with torch.no_grad():
+            flat = self.convolutions(torch.zeros(1, 4, height, width)).shape[1]
+        self.linear = nn.Sequential(nn.Linear(flat, out_features), nn.ReLU())
+        for name, parameter in self.named_parameters():
+            if name.endswith("weight"):
+                nn.init.orthogonal_(parameter, nn.init.calculate_gain("relu"))
+            else:
+                nn.init.zeros_(parameter)
+
+    def forward(self, image: Tensor) -> Tensor:
+        """Images (B, H, W, 4), made by `prepare`, to (B, out_features)."""
+        features: Tensor = self.linear(self.convolutions(image.permute(0, 3, 1, 2)))
+        return features
+
+
+def prepare(observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    """Observations with rgb and depth joined to one centred `image` (B, H, W, 4), in the precision in force.
+
+    Apart from the network, so that learning does it once a rollout and not once an epoch.
+    """
+    rgb, depth = observations["rgb"], observations["depth"]
+    dtype = torch.get_autocast_dtype("cpu") if torch.is_autocast_enabled("cpu") else torch.float32
+    image = torch.empty((*rgb.shape[:3], 4), dtype=dtype)
+    image[..., :3] = rgb
+    image[..., :3] /= 255
+    image[..., 3:] = depth
+    image -= 0.5
+    return {name: value for name, value in observations.items() if name not in ("rgb", "depth")} | {"image": image}
+
+
+class Policy(nn.Module):
+    """Actor and critic on one LSTM. `stop` starts with a low prior: see `PolicyConfig.stop_bias`."""
+
+    def __init__(self, shape: ObservationShape, config: PolicyConfig) -> None:
+        super().__init__()
+        self.shape = shape
+        self.visual = VisualEncoder(shape.height, shape.width, config.channels, config.visual_size)
+        self.goal = nn.Embedding(len(GOAL_CATEGORIES), EMBEDDING_SIZE)
+        self.compass = nn.Linear(2, EMBEDDING_SIZE)
+        self.gps = nn.Linear(2, EMBEDDING_SIZE)
+        self.previous_action = nn.Embedding(shape.num_actions + 1, EMBEDDING_SIZE)  # 0: an episode begins
+        rnn_input = config.visual_size + 4 * EMBEDDING_SIZE
+        if shape.thought_size:
+            self.thought = nn.Linear(shape.thought_size, config.thought_size)
+            rnn_input += config.thought_size
+        self.rnn = nn.LSTM(rnn_input, config.hidden_size, config.lstm_layers)
+        for name, parameter in self.rnn.named_parameters():
+            nn.init.orthogonal_(parameter) if "weight" in name else nn.init.zeros_(parameter)
+        self.actor = nn.Linear(config.hidden_size, shape.num_actions)
+        self.critic = nn.Linear(config.hidden_size, 1)
+        nn.init.orthogonal_(self.actor.weight, 0.01)
+        nn.init.orthogonal_(self.critic.weight)
+        nn.init.zeros_(self.critic.bias)
+        nn.init.zeros_(self.actor.bias)
+        with torch.no_grad():
+            self.actor.bias[Action.STOP] = config.stop_bias
+            if shape.num_actions > Action.THINK:
+                self.actor.bias[Action.THINK] = config.think_bias
+
+    def initial_hidden(self, count: int) -> Tensor:
+        """The state at the start of an episode: (2, layers, count, hidden) zeros."""
+        return torch.zeros(2, self.rnn.num_layers, count, self.rnn.hidden_size)
+
+    def features(self, observations: Mapping[str, Tensor], previous_actions: Tensor) -> Tensor:
+        """What the LSTM sees of B prepared transitions: (B, rnn_input). previous_actions: (B,) int64, -1 for none."""
+        compass = observations["compass"]
+        parts = [
+            self.visual(observations["image"]),
+            self.goal(observations["objectgoal"][:, 0]),
+            self.compass(torch.cat([compass.cos(), compass.sin()], dim=1)),
+            self.gps(observations["gps"]),
+            self.previous_action(previous_actions + 1),
+        ]
+        if self.shape.thought_size:
+            # Embeddings have unit norm, which a linear layer would hardly feel: give each element unit variance.
+            parts.append(self.thought(observations["thought"] * math.sqrt(self.shape.thought_size)))
+        return torch.cat([part.to(parts[0].dtype) for part in parts], dim=1)
+
+    def step(
+        self, observations: Mapping[str, Tensor], previous_actions: Tensor, hidden: Tensor
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """One step of N agents: logits (N, A), values (N,), and the next hidden state, all float32."""
+        features = self.features(prepare(observations), previous_actions)
+        output, (h, c) = self.rnn(features[None].float(), (hidden[0], hidden[1]))
+        logits, values = self._heads(output[0])
+        return logits, values, torch.stack([h, c]).float()
+
+    def sequence(
+        self, observations: Mapping[str, Tensor], previous_actions: Tensor, sequences: Sequences
+    ) -> tuple[Tensor, Tensor]:
+        """M prepared transitions in S sequences: logits and values in the order of `sequences.index[mask]`."""
+        features = self.features(observations, previous_actions)
+        hidden = (sequences.hidden[0].contiguous(), sequences.hidden[1].contiguous())
+        output, _ = self.rnn(features[sequences.index].float(), hidden)
+        return self._heads(output[sequences.mask])
+
+    def _heads(self, output: Tensor) -> tuple[Tensor, Tensor]:
+        return self.actor(output).float(), self.critic(output).float()[:, 0]

@@ -1,0 +1,108 @@
+"""Proximal policy optimisation (Schulman et al. 2017) as Habitat's DD-PPO does it, on recurrent sequences.
+
+Knows the policy and the rollout; nothing of envs, planners and files.
+"""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from thinknav_trainer.config import PPOConfig
+from thinknav_trainer.policy import Policy, prepare
+from thinknav_trainer.precision import autocast
+from thinknav_trainer.rollout import Rollout
+
+
+class TrainingDiverged(RuntimeError):
+    """A loss or a gradient is NaN or infinite; the message says which."""
+
+
+class PPO:
+    """The learner: a policy, its optimiser, and one `update` for each rollout."""
+
+    def __init__(self, policy: Policy, config: PPOConfig, seed: int = 0) -> None:
+        self.policy = policy
+        self.config = config
+        self.optimizer = torch.optim.Adam(policy.parameters(), lr=config.lr, eps=config.adam_eps)
+        self._order = np.random.default_rng(seed)
+
+    def update(self, rollout: Rollout, remaining: float = 1.0) -> dict[str, float]:
+        """Several epochs over a rollout; means of the losses. remaining: share of the run that is left, for lr_decay.
+
+        Raises TrainingDiverged.
+        """
+        if self.config.lr_decay:
+            for group in self.optimizer.param_groups:
+                group["lr"] = self.config.lr * remaining
+        advantages = rollout.advantages
+        if self.config.normalize_advantages:
+            advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-5)
+        with autocast(self.config.precision):
+            observations = prepare(rollout.observations)
+        sums: dict[str, float] = {}
+        for _ in range(self.config.epochs):
+            order = self._order.permutation(len(rollout.sequence_starts))
+            for chosen in np.array_split(order, self.config.minibatches):
+                for name, value in self._minibatch(rollout, observations, advantages, chosen).items():
+                    sums[name] = sums.get(name, 0.0) + value
+        batches = self.config.epochs * self.config.minibatches
+        return {name: value / batches for name, value in sums.items()}
+
+    def _minibatch(
+        self, rollout: Rollout, observations: Mapping[str, Tensor], advantages: Tensor, chosen: NDArray[np.int64]
+    ) -> dict[str, float]:
+        transitions, sequences = rollout.select(chosen)
+        with autocast(self.config.precision):
+            logits, values = self.policy.sequence(
+                {name: values[transitions] for name, values in observations.items()},
+                rollout.previous_actions[transitions],
+                sequences,
+            )
+        rows = transitions[sequences.index[sequences.mask]]  # the order in which the policy answered
+        log_probs = logits.log_softmax(dim=1)
+        chosen_log_probs = log_probs.gather(1, rollout.actions[rows, None])[:, 0]
+        log_ratio = chosen_log_probs - rollout.log_probs[rows]
+        policy_loss = self._policy_loss(log_ratio.exp(), advantages[rows])
+        value_loss = self._value_loss(values, rollout.values[rows], rollout.returns[rows])
+        entropy = -(log_probs.exp() * log_probs).sum(dim=1).mean()
+        loss = policy_loss + self.config.value_coef * value_loss - self.config.entropy_coef * entropy
+        self.optimizer.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        gradient_norm = nn.utils.clip_grad_norm_(self.policy.parameters(), self.config.max_grad_norm)
+        losses = {
+            "policy_loss": policy_loss.item(),
+            "value_loss": value_loss.item(),
+            "entropy": entropy.item(),
+            "gradient_norm": gradient_norm.item(),
+        }
+        wrong = [name for name, value in losses.items() if not math.isfinite(value)]
+        if wrong:
+            raise TrainingDiverged(f"{', '.join(wrong)} not finite: {losses}")
+        self.optimizer.step()
+        with torch.no_grad():
+            losses["approximate_kl"] = (log_ratio.exp() - 1 - log_ratio).mean().item()
+            losses["clip_fraction"] = ((log_ratio.exp() - 1).abs() > self.config.clip).float().mean().item()
+        return losses
+
+    def _policy_loss(self, ratio: Tensor, advantages: Tensor) -> Tensor:
+        clipped = ratio.clamp(1 - self.config.clip, 1 + self.config.clip)
+        return -torch.min(ratio * advantages, clipped * advantages).mean()
+
+    def _value_loss(self, values: Tensor, old_values: Tensor, returns: Tensor) -> Tensor:
+        loss = (values - returns).square()
+        if self.config.clip_value_loss:
+            clipped = old_values + (values - old_values).clamp(-self.config.clip, self.config.clip)
+            loss = torch.max(loss, (clipped - returns).square())
+        return 0.5 * loss.mean()
+
+    def state_dict(self) -> dict[str, Any]:
+        return {"optimizer": self.optimizer.state_dict(), "order": self._order.bit_generator.state}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        self.optimizer.load_state_dict(state["optimizer"])
+        self._order.bit_generator.state = state["order"]

@@ -1,0 +1,99 @@
+"""Writes `report.html`: one self-contained page about a run. Reads the run's folder and draws the rest."""
+
+import base64
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from thinknav_sim.render import make_renderer
+
+from thinknav_trainer.evaluate import EpisodeRecord, read_evaluation
+from thinknav_trainer.report.curves import draw_curve, panels
+from thinknav_trainer.report.floor_map import draw_floor_map, draw_path
+from thinknav_trainer.report.video import Played, to_png, write_video
+from thinknav_trainer.run import RunError, read_config, read_metrics
+from thinknav_trainer.scenes import make_grid, make_homes
+
+ROWS = (
+    ("success", "success"),
+    ("spl", "SPL"),
+    ("soft_spl", "SoftSPL"),
+    ("distance_to_goal", "distance to goal at the end, m"),
+    ("steps", "steps of an episode"),
+    ("think_rate", "share of steps spent thinking"),
+)
+
+
+def write_report(folder: Path) -> Path:
+    """Draw curves, map and video of an evaluated run; the page's path. Raises RunError."""
+    config = read_config(folder)
+    metrics = read_metrics(folder)
+    evaluations = [read_evaluation(path.parent) for path in sorted((folder / "evaluations").glob("*/result.json"))]
+    if not evaluations:
+        raise RunError(f"{folder} has no evaluation to report; run thinknav eval on one of its checkpoints first")
+    if not metrics:
+        raise RunError(f"{folder}/metrics.jsonl is empty: nothing was trained")
+    chosen = choose_episode(evaluations[-1][1])
+    figures = _draw_episode(folder, chosen)
+    page = _template().render(
+        config=config,
+        run=folder.name,
+        curves=[draw_curve(metrics, panel) for panel in panels(metrics)],
+        columns=[_column(result) for result, _ in evaluations],
+        rows=ROWS,
+        planner=evaluations[-1][0]["protocol"]["planner"],
+        steps=int(metrics[-1]["steps"]),
+        thoughts=metrics[-1],
+        episode=chosen,
+        subgoals=[(step, subgoal) for step, subgoal in chosen.thoughts][:12],
+        **figures,
+    )
+    path = folder / "report.html"
+    path.write_text(page)
+    return path
+
+
+def choose_episode(records: Sequence[EpisodeRecord]) -> EpisodeRecord:
+    """One that shows something: a success with a long way to the goal, else the nearest miss."""
+
+    def worth(record: EpisodeRecord) -> tuple[float, float]:
+        measures = record.measures
+        way = measures["shortest_path_length"]
+        return measures["success"], way if measures["success"] else -measures["distance_to_goal"]
+
+    return max(records, key=worth)
+
+
+def _draw_episode(folder: Path, record: EpisodeRecord) -> dict[str, str]:
+    """Map and video of an episode, as data URIs."""
+    config = read_config(folder)
+    scene = next(scene for scene in make_homes(config).scenes if scene.name == record.scene)
+    renderer = make_renderer()
+    floor_map = draw_floor_map(scene, renderer, make_grid(scene, renderer, config), config.env.agent_radius)
+    thoughts = dict(record.thoughts)
+    picture = to_png(draw_path(floor_map, scene, record.category, record.path, list(thoughts)))
+    (folder / "map.png").write_bytes(picture)
+    video = folder / "videos" / "episode.mp4"
+    video.parent.mkdir(exist_ok=True)
+    ending = "found it" if record.measures["success"] else "did not find it"
+    write_video(video, Played(scene, record.category, record.path, thoughts, ending), renderer, floor_map)
+    return {
+        "map_uri": "data:image/png;base64," + base64.b64encode(picture).decode(),
+        "video_uri": "data:video/mp4;base64," + base64.b64encode(video.read_bytes()).decode(),
+    }
+
+
+def _column(result: dict[str, Any]) -> dict[str, Any]:
+    steps = result["protocol"]["checkpoint_steps"]
+    title = "untrained" if steps == 0 else f"after {steps:,} steps"
+    return {"title": title, "summary": result["summary"], "episodes": result["protocol"]["episodes"]}
+
+
+def _template() -> jinja2.Template:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("thinknav_trainer.report", "templates"),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+    )
+    return environment.get_template("report.html")

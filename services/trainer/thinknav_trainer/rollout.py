@@ -1,0 +1,95 @@
+"""Transitions between two updates, and what learning needs of them: advantages and recurrent sequences.
+
+Transitions of one env lie one after the other, and envs follow one another; an env may give any number of them.
+Knows nothing of networks and simulators.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from thinknav_trainer.policy import Sequences
+
+
+@dataclass(frozen=True)
+class Rollout:
+    """M transitions.
+
+    observations: name -> (M, ...). actions, previous_actions: (M,) int64. log_probs, values, advantages, returns: (M,).
+    sequence_starts, sequence_lengths: (S,) int64, into the M transitions; no sequence crosses an episode's end.
+    sequence_hidden: (2, layers, S, H), the LSTM's state before each sequence.
+    """
+
+    observations: dict[str, Tensor]
+    actions: Tensor
+    previous_actions: Tensor
+    log_probs: Tensor
+    values: Tensor
+    advantages: Tensor
+    returns: Tensor
+    sequence_starts: NDArray[np.int64]
+    sequence_lengths: NDArray[np.int64]
+    sequence_hidden: Tensor
+
+    def __len__(self) -> int:
+        return len(self.actions)
+
+    def select(self, chosen: NDArray[np.int64]) -> tuple[Tensor, Sequences]:
+        """The transitions of some sequences (B,) and how the policy should lay them out.
+
+        The sequences' index counts within these B; the order of `index[mask]` is a permutation of them that
+        `transitions[index[mask]]` undoes.
+        """
+        starts, lengths = self.sequence_starts[chosen], self.sequence_lengths[chosen]
+        longest = int(lengths.max())
+        steps = np.arange(longest)[:, None]
+        mask = steps < lengths
+        offsets = np.concatenate([[0], np.cumsum(lengths)[:-1]])
+        index = offsets + np.minimum(steps, lengths - 1)
+        transitions = np.concatenate([np.arange(s, s + n) for s, n in zip(starts, lengths, strict=True)])
+        sequences = Sequences(
+            torch.from_numpy(index),
+            torch.from_numpy(mask),
+            self.sequence_hidden[:, :, torch.from_numpy(chosen)],
+        )
+        return torch.from_numpy(transitions), sequences
+
+
+def generalized_advantages(
+    rewards: NDArray[np.float32],
+    values: NDArray[np.float32],
+    done: NDArray[np.bool_],
+    last_values: NDArray[np.float32],
+    gamma: float,
+    tau: float,
+) -> NDArray[np.float32]:
+    """GAE (Schulman et al. 2016) over lock-step arrays (T, N).
+
+    done cuts the sum; the reward of a truncated step must already hold gamma x the value of its final observation.
+    last_values: (N,) values after the last step.
+    """
+    advantages = np.zeros_like(rewards)
+    next_advantage = np.zeros_like(last_values)
+    next_values = last_values
+    for t in reversed(range(len(rewards))):
+        goes_on = ~done[t]
+        delta = rewards[t] + gamma * next_values * goes_on - values[t]
+        next_advantage = delta + gamma * tau * goes_on * next_advantage
+        advantages[t] = next_advantage
+        next_values = values[t]
+    return advantages
+
+
+def cut_sequences(done: NDArray[np.bool_], chunk_length: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Where recurrent sequences begin, for one env's T transitions: (starts, lengths).
+
+    done: (T,). A sequence begins at 0, at every multiple of chunk_length, and after each done.
+    """
+    steps = np.arange(len(done))
+    begins = steps % chunk_length == 0
+    begins[1:] |= done[:-1]
+    starts = np.flatnonzero(begins).astype(np.int64)
+    return starts, np.diff(np.append(starts, len(done)))

@@ -1,0 +1,235 @@
+"""The think action, around the simulator's vector env. The five rules of thinking live here and nowhere else:
+
+1. At reset the thought is the text embedding of the task description ("find a chair").
+2. `think` at step t leaves the pose, counts as a step, is charged, and shows the planner the frame of observation t;
+   observation t+1 carries the embedding of its reply.
+3. Every other observation carries zeros, and no thought outlives its episode.
+4. The first action after a reply that is not think is judged against the subgoal's direction; a subgoal without one
+   judges nothing, and a second think replaces the first, unjudged.
+5. A planner that fails gives zeros, judges nothing, and is counted.
+
+Knows nothing of networks and of learning.
+"""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from thinknav_proto import SubgoalReply, SubgoalRequest
+from thinknav_sim.observations import Observations
+from thinknav_sim.scene import GOAL_CATEGORIES
+from thinknav_sim.task_config import Action
+from thinknav_sim.vector_env import ObjectNavVectorEnv
+
+from thinknav_trainer.config import ThinkConfig
+from thinknav_trainer.direction import subgoal_direction
+from thinknav_trainer.patience import Patience
+from thinknav_trainer.planner import PlannerClient, encode_frame
+from thinknav_trainer.rewards import REWARD_SCHEMES, Terms, ThinkStep
+
+NOTHING_TO_JUDGE = -1
+
+
+def task_description(category: str) -> str:
+    """What the first thought of an episode says."""
+    return f"find a {category.replace('_', ' ')}"
+
+
+@dataclass(frozen=True)
+class Thought:
+    """One reply: which env asked, for which goal, what came back. subgoal is None when the planner failed."""
+
+    env: int
+    goal: str
+    subgoal: str | None
+    error: str | None = None
+
+
+@dataclass(frozen=True)
+class EpisodeEnd:
+    """An episode that ended in this step: the task's measures, and the sum of each reward term over it."""
+
+    env: int
+    episode_index: int
+    measures: dict[str, float]
+    terms: dict[str, float]
+
+
+@dataclass(frozen=True)
+class Step:
+    """What one step of all N agents gave.
+
+    observations: of the next step, already of the next episode where one ended.
+    rewards: (N,) float32. terminated, truncated: (N,) bool.
+    final_observations: env -> last observation of an episode that ended in this step.
+    """
+
+    observations: Observations
+    rewards: NDArray[np.float32]
+    terminated: NDArray[np.bool_]
+    truncated: NDArray[np.bool_]
+    final_observations: dict[int, Observations]
+    ended: list[EpisodeEnd]
+    thoughts: list[Thought]
+
+
+@dataclass
+class ThinkCounts:
+    """How many thoughts were asked for; asked = answered + failed."""
+
+    asked: int = 0
+    answered: int = 0
+    failed: int = 0
+
+
+class ThinkingEnv:
+    """N agents that may think. Without a planner (strategy `never`) there is neither think action nor thought."""
+
+    def __init__(self, env: ObjectNavVectorEnv, config: ThinkConfig, planner: PlannerClient | None) -> None:
+        if (planner is None) != (config.strategy == "never"):
+            raise ValueError(f"strategy {config.strategy!r} {'needs a' if planner is None else 'takes no'} planner")
+        self.env = env
+        self.counts = ThinkCounts()
+        self._config = config
+        self._planner = planner
+        self._patience = Patience(config.patience)
+        self._scheme = REWARD_SCHEMES[config.reward]
+        self._to_judge = np.full(env.num_envs, NOTHING_TO_JUDGE)  # the action that the last subgoal called for
+        self._term_sums: dict[str, NDArray[np.float64]] = {}
+        self._request_number = 0
+        self._descriptions = (
+            np.zeros((0, 0), np.float32)
+            if planner is None
+            else planner.embed([task_description(category) for category in GOAL_CATEGORIES])
+        )
+
+    @property
+    def num_envs(self) -> int:
+        return int(self.env.num_envs)
+
+    def reset(self) -> Observations:
+        """Start all episodes anew."""
+        observations, _ = self.env.reset()
+        self._to_judge[:] = NOTHING_TO_JUDGE
+        for sums in self._term_sums.values():
+            sums[:] = 0
+        if self._planner is not None:
+            observations["thought"] = self._descriptions[observations["objectgoal"][:, 0]]
+        return observations
+
+    def step(self, actions: NDArray[np.int64]) -> Step:
+        """Move, and think where the action says so. Raises Unavailable when the planner has been gone too long."""
+        thinking = np.flatnonzero(actions == Action.THINK)
+        embeddings, thoughts = self._think(thinking)
+        observations, rewards, terminated, truncated, infos = self.env.step(actions)
+        terms: Terms = dict(infos["reward_terms"])
+        extra = self._scheme(ThinkStep(actions == Action.THINK, self._judge(actions)), self._config)
+        self._note_subgoals(thoughts)
+        for term in extra.values():
+            rewards = rewards + term
+        terms.update(extra)
+        done = terminated | truncated
+        final = {int(i): dict(infos["final_obs"][i]) for i in np.flatnonzero(done)}
+        if self._planner is not None:
+            self._show_thoughts(observations, final, thinking, embeddings, done)
+        ended = self._end_episodes(infos, terms, done)
+        return Step(observations, rewards.astype(np.float32), terminated, truncated, final, ended, thoughts)
+
+    def _think(self, envs: NDArray[np.intp]) -> tuple[NDArray[np.float32], list[Thought]]:
+        """Ask the planner for these envs, in one request: embeddings (n, D), zeros where it failed."""
+        embeddings = np.zeros((len(envs), self._descriptions.shape[1]), np.float32)
+        if not len(envs) or self._planner is None:
+            return embeddings, []
+        goals = [self.env.episodes[index].object_category for index in self.env.episode_indices[envs]]
+        replies = self._planner.ask(self._requests(envs, goals))
+        thoughts = []
+        for row, (env, goal, reply) in enumerate(zip(envs.tolist(), goals, replies, strict=True)):
+            if isinstance(reply, SubgoalReply):
+                embeddings[row] = reply.embedding
+                thoughts.append(Thought(env, goal, reply.subgoal))
+            else:
+                thoughts.append(Thought(env, goal, None, f"{type(reply).__name__}: {reply}"))
+        answered = sum(thought.subgoal is not None for thought in thoughts)
+        self.counts.asked += len(thoughts)
+        self.counts.answered += answered
+        self.counts.failed += len(thoughts) - answered
+        self._patience.observe(replies)
+        return embeddings, thoughts
+
+    def _requests(self, envs: NDArray[np.intp], goals: Sequence[str]) -> list[SubgoalRequest]:
+        size = self._config.frame_size
+        requests = []
+        for frame, goal in zip(self.env.frames(envs, size, size), goals, strict=True):
+            self._request_number += 1
+            requests.append(
+                SubgoalRequest(
+                    request_id=str(self._request_number),
+                    goal=goal,
+                    frame=encode_frame(frame, self._config.frame_encoding),
+                    deadline=self._config.deadline,
+                )
+            )
+        return requests
+
+    def _judge(self, actions: NDArray[np.int64]) -> NDArray[np.int8]:
+        """Rule 4: agreement of each action with the subgoal before it, which is then spent."""
+        judged = (self._to_judge != NOTHING_TO_JUDGE) & (actions != Action.THINK)
+        agreement = np.where(judged, np.where(actions == self._to_judge, 1, -1), 0).astype(np.int8)
+        self._to_judge[:] = NOTHING_TO_JUDGE
+        return agreement
+
+    def _note_subgoals(self, thoughts: list[Thought]) -> None:
+        for thought in thoughts:
+            direction = None if thought.subgoal is None else subgoal_direction(thought.subgoal)
+            if direction is not None:
+                self._to_judge[thought.env] = direction
+
+    def _show_thoughts(
+        self,
+        observations: Observations,
+        final: dict[int, Observations],
+        thinking: NDArray[np.intp],
+        embeddings: NDArray[np.float32],
+        done: NDArray[np.bool_],
+    ) -> None:
+        thought = np.zeros((self.num_envs, self._descriptions.shape[1]), np.float32)
+        thought[thinking] = embeddings
+        for env, observation in final.items():
+            observation["thought"] = thought[env].copy()
+        # A new episode begins with its own task, not with what was thought in the last one.
+        thought[done] = self._descriptions[observations["objectgoal"][done, 0]]
+        observations["thought"] = thought
+
+    def _end_episodes(self, infos: dict[str, Any], terms: Terms, done: NDArray[np.bool_]) -> list[EpisodeEnd]:
+        for name, values in terms.items():
+            self._term_sums.setdefault(name, np.zeros(self.num_envs))
+            self._term_sums[name] += values
+        ended = []
+        for env in np.flatnonzero(done).tolist():
+            measures = {name: float(values[env]) for name, values in infos["episode"].items()}
+            sums = {name: float(values[env]) for name, values in self._term_sums.items()}
+            ended.append(EpisodeEnd(env, int(infos["episode_index"][env]), measures, sums))
+        self._to_judge[done] = NOTHING_TO_JUDGE
+        for total in self._term_sums.values():
+            total[done] = 0
+        return ended
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that the next step depends on, the simulator's state with it."""
+        return {
+            "env": self.env.state_dict(),
+            "to_judge": self._to_judge.copy(),
+            "term_sums": {name: values.copy() for name, values in self._term_sums.items()},
+            "counts": asdict(self.counts),
+            "request_number": self._request_number,
+        }
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Go on exactly where `state_dict` was taken."""
+        self.env.load_state_dict(state["env"])
+        self._to_judge = state["to_judge"].copy()
+        self._term_sums = {name: values.copy() for name, values in state["term_sums"].items()}
+        self.counts = ThinkCounts(**state["counts"])
+        self._request_number = state["request_number"]

@@ -1,0 +1,103 @@
+"""The command `thinknav-server`."""
+
+import logging
+import signal
+from enum import StrEnum
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import typer
+from pydantic import ValidationError
+from thinknav_models import HashedWords
+from thinknav_proto import describe
+
+from thinknav_server.http import create_app
+from thinknav_server.planners import Planner, Script, ScriptedPlanner, load_script
+from thinknav_server.server import bind, run
+from thinknav_server.service import PlanningService
+from thinknav_server.settings import Settings
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    context_settings={"auto_envvar_prefix": "THINKNAV_SERVER"},
+)
+
+
+class PlannerName(StrEnum):
+    """The planners that can be served."""
+
+    SCRIPTED = "scripted"
+
+
+class LogLevel(StrEnum):
+    """How much the log tells."""
+
+    DEBUG = "debug"
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+@app.callback()
+def about() -> None:
+    """The planning service of ThinkNav: frames and goals in, subgoals and their embeddings out."""
+
+
+@app.command()
+def serve(
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; others than loopback reach the network.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 picks a free one.")] = 8765,
+    planner: Annotated[PlannerName, typer.Option(help="Who plans.")] = PlannerName.SCRIPTED,
+    script: Annotated[Path | None, typer.Option(help="scripted: YAML or JSON file with the sentences.")] = None,
+    latency: Annotated[float, typer.Option(min=0, help="scripted: seconds that each batch takes.")] = 0.0,
+    failure_rate: Annotated[float, typer.Option(min=0, max=1, help="scripted: share of requests that fail.")] = 0.0,
+    seed: Annotated[int, typer.Option(help="scripted: of the failures.")] = 0,
+    max_batch: Annotated[int, typer.Option(min=1, help="Requests that the planner sees at once.")] = 32,
+    max_wait: Annotated[float, typer.Option(min=0, help="Seconds that a request waits for others.")] = 0.0,
+    queue_size: Annotated[int, typer.Option(min=1, help="Requests that wait at most; more are refused.")] = 256,
+    announce: Annotated[Path | None, typer.Option(help="File to write the URL to, once it is served.")] = None,
+    log_level: Annotated[LogLevel, typer.Option(help="How much the log tells.")] = LogLevel.INFO,
+) -> None:
+    """Serve subgoals until stopped by Ctrl+C or SIGTERM.
+
+    Each option may also be given in the environment, as THINKNAV_SERVER_SERVE_<OPTION>.
+    """
+    for signal_number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(signal_number, _leave)
+    logging.basicConfig(level=log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    try:
+        settings = Settings(max_batch=max_batch, max_wait=max_wait, queue_size=queue_size)
+        service = PlanningService(_planner(planner, script, latency, failure_rate, seed), HashedWords(), settings)
+        listener = bind(host, port)
+    except ValidationError as error:
+        raise _refused(describe(error)) from None
+    except (ValueError, OSError) as error:
+        raise _refused(str(error)) from None
+    run(create_app(service), listener, announce, f"planner {service.info.identity}")
+
+
+def main() -> None:
+    """The console script."""
+    app()
+
+
+def _planner(name: PlannerName, script: Path | None, latency: float, failure_rate: float, seed: int) -> Planner:
+    """Raises ValueError for a script that cannot be used."""
+    match name:
+        case PlannerName.SCRIPTED:
+            return ScriptedPlanner(load_script(script) if script else Script(), latency, failure_rate, seed)
+
+
+def _refused(message: str) -> typer.Exit:
+    typer.echo(f"thinknav-server: {message}", err=True)
+    return typer.Exit(1)
+
+
+def _leave(_signal: int, _frame: FrameType | None) -> None:
+    """Being told to stop is no failure. Uvicorn stops gracefully, then raises the signal again: to here."""
+    raise SystemExit(0)

@@ -1,0 +1,146 @@
+"""The HTTP door of a planning service: routes that read a body, call the service and render what it says.
+
+POST /v1/subgoals     frames and goals in, subgoals out (msgpack, or multipart/form-data)
+POST /v1/embeddings   texts in, embeddings out (msgpack or JSON)
+GET  /v1/planner      who answers
+GET  /healthz         the process lives         GET /readyz   requests are answered
+"""
+
+import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, FastAPI
+from pydantic import ValidationError
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from thinknav_proto import (
+    CONTENT_TYPE,
+    EmbedRequest,
+    InvalidRequest,
+    PlannerError,
+    PlannerFailed,
+    Unavailable,
+    decode_embed_request,
+    decode_requests,
+    describe,
+)
+
+from thinknav_server.body_limit import BodyLimit
+from thinknav_server.disconnect import ClientGone, while_connected
+from thinknav_server.forms import read_form
+from thinknav_server.rendering import (
+    BINARY_TYPES,
+    media_type,
+    render_embeddings,
+    render_error,
+    render_info,
+    render_replies,
+)
+from thinknav_server.service import PlanningService
+
+logger = logging.getLogger(__name__)
+
+routes = APIRouter()
+
+
+def create_app(service: PlanningService) -> FastAPI:
+    """The application; it opens the service when it starts and closes it when it stops."""
+
+    @asynccontextmanager
+    async def lifespan(_: FastAPI) -> AsyncIterator[None]:
+        async with service:
+            yield
+
+    app = FastAPI(title="ThinkNav planning service", lifespan=lifespan, docs_url=None, redoc_url=None)
+    app.state.service = service
+    app.include_router(routes)
+    app.add_middleware(BodyLimit, max_bytes=service.info.limits.max_body_bytes)
+    app.add_exception_handler(PlannerError, _on_planner_error)
+    app.add_exception_handler(HTTPException, _on_http_error)
+    app.add_exception_handler(ClientGone, _on_client_gone)
+    app.add_exception_handler(Exception, _on_bug)
+    return app
+
+
+def _service(request: Request) -> PlanningService:
+    service: PlanningService = request.app.state.service
+    return service
+
+
+Service = Annotated[PlanningService, Depends(_service)]
+
+
+@routes.post("/v1/subgoals")
+async def subgoals(request: Request, service: Service) -> Response:
+    """One answer for each request of the body, in its order."""
+    kind = media_type(request)
+    if kind in BINARY_TYPES:
+        requests = decode_requests(await request.body())
+    elif kind == "multipart/form-data":
+        requests = await read_form(request, service.info.limits)
+    else:
+        raise InvalidRequest(f"send {CONTENT_TYPE} or multipart/form-data, not {kind[:64] or 'an untyped body'}")
+    return render_replies(request, await while_connected(request, service.answer_each(requests)))
+
+
+@routes.post("/v1/embeddings")
+async def embeddings(request: Request, service: Service) -> Response:
+    """The embeddings of the body's texts, in its order."""
+    kind = media_type(request)
+    if kind in BINARY_TYPES:
+        asked = decode_embed_request(await request.body())
+    elif kind == "application/json":
+        try:
+            asked = EmbedRequest.model_validate_json(await request.body())
+        except ValidationError as error:
+            raise InvalidRequest(describe(error)) from None
+    else:
+        raise InvalidRequest(f"send {CONTENT_TYPE} or application/json, not {kind[:64] or 'an untyped body'}")
+    return render_embeddings(request, await while_connected(request, service.embed(asked)))
+
+
+@routes.get("/v1/planner")
+async def planner(request: Request, service: Service) -> Response:
+    """Who answers, and what it accepts."""
+    return render_info(request, service.info)
+
+
+@routes.get("/healthz")
+async def healthz() -> Response:
+    """200 while the process can answer at all."""
+    return JSONResponse({"status": "ok"})
+
+
+@routes.get("/readyz")
+async def readyz(service: Service) -> Response:
+    """200 while requests are answered."""
+    if not service.ready:
+        raise Unavailable("the service is starting or stopping")
+    return JSONResponse({"status": "ready"})
+
+
+async def _on_planner_error(request: Request, error: Exception) -> Response:
+    assert isinstance(error, PlannerError)
+    return render_error(request, error)
+
+
+async def _on_http_error(request: Request, error: Exception) -> Response:
+    """Unknown paths, wrong methods and broken forms, which starlette finds."""
+    assert isinstance(error, HTTPException)
+    response = render_error(
+        request, InvalidRequest(f"{request.method} {request.url.path}: {error.detail}"), error.status_code
+    )
+    response.headers.update(error.headers or {})
+    return response
+
+
+async def _on_client_gone(request: Request, _error: Exception) -> Response:
+    logger.debug("a client hung up on %s", request.url.path)
+    return Response(status_code=499)  # nobody reads it; the number is nginx's for this case
+
+
+async def _on_bug(request: Request, _error: Exception) -> Response:
+    return render_error(request, PlannerFailed("the service failed; its log says why"), 500)

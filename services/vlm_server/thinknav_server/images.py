@@ -1,0 +1,70 @@
+"""Frames to pixels. Sizes are read from headers first, so that limits apply before anything is decoded.
+
+Knows the encodings of the contract and nothing of requests, limits or planners.
+"""
+
+import io
+import struct
+
+import numpy as np
+import simplejpeg
+from numpy.typing import NDArray
+from PIL import Image
+from thinknav_proto import Frame, InvalidRequest
+
+_JPEG_START = b"\xff\xd8\xff"
+_PNG_START = b"\x89PNG\r\n\x1a\n"
+
+
+def frame_of_file(data: bytes) -> Frame:
+    """The frame in an image file. Raises InvalidRequest unless it begins as a JPEG or PNG file does."""
+    if data.startswith(_JPEG_START):
+        return Frame(encoding="jpeg", data=data)
+    if data.startswith(_PNG_START):
+        return Frame(encoding="png", data=data)
+    raise InvalidRequest(f"the file of {len(data)} bytes is neither a JPEG nor a PNG image")
+
+
+def frame_size(frame: Frame) -> tuple[int, int]:
+    """Width and height in pixels, from the header alone. Raises InvalidRequest for an unreadable header."""
+    if frame.width is not None and frame.height is not None:
+        return frame.width, frame.height
+    if frame.encoding == "png":
+        return _png_size(frame.data)
+    try:
+        height, width, _, _ = simplejpeg.decode_jpeg_header(frame.data)
+    except ValueError as error:
+        raise InvalidRequest(f"the frame is not a JPEG image: {error}") from None
+    return width, height
+
+
+def decode_frame(frame: Frame) -> NDArray[np.uint8]:
+    """The pixels (H, W, 3) uint8; check the size first. Raises InvalidRequest for data it cannot decode."""
+    if frame.encoding == "raw":
+        width, height = frame_size(frame)
+        return np.frombuffer(frame.data, dtype=np.uint8).reshape(height, width, 3)
+    if frame.encoding == "png":
+        return _decode_png(frame.data)
+    try:
+        pixels: NDArray[np.uint8] = simplejpeg.decode_jpeg(frame.data, colorspace="RGB")
+    except ValueError as error:
+        raise InvalidRequest(f"the JPEG frame cannot be decoded: {error}") from None
+    return pixels
+
+
+def _png_size(data: bytes) -> tuple[int, int]:
+    # A PNG file is its signature, then the IHDR chunk: length, name, width, height.
+    if len(data) < 24 or not data.startswith(_PNG_START) or data[12:16] != b"IHDR":
+        raise InvalidRequest("the frame is not a PNG image")
+    width, height = struct.unpack(">II", data[16:24])
+    if width == 0 or height == 0:
+        raise InvalidRequest("the PNG frame has no pixels")
+    return width, height
+
+
+def _decode_png(data: bytes) -> NDArray[np.uint8]:
+    try:
+        with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
+            return np.asarray(image.convert("RGB"))
+    except Exception as error:  # Pillow lets OSError, ValueError, SyntaxError, struct.error and others through
+        raise InvalidRequest(f"the PNG frame cannot be decoded: {str(error)[:200]}") from None

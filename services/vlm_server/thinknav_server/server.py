@@ -1,0 +1,90 @@
+"""Runs the application in uvicorn on a listening socket, and announces where.
+
+Knows nothing of planners; what is served is an ASGI application and a phrase that names it.
+"""
+
+import contextlib
+import ipaddress
+import logging
+import os
+import socket
+from pathlib import Path
+
+import typer
+import uvicorn
+from starlette.types import ASGIApp
+
+logger = logging.getLogger(__name__)
+
+# Seconds that requests in progress are given to end when the service is told to stop.
+GRACE_S = 10
+# Longer than clients keep idle connections (httpx: 5 s), so that none is closed just as its client uses it
+# again.
+KEEP_ALIVE_S = 30
+
+
+def bind(host: str, port: int) -> socket.socket:
+    """A listening socket; port 0 picks a free one. Raises OSError with one line that says what to do."""
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    # The protocol is named because asyncio turns Nagle's algorithm off, which holds replies back for 40 ms, for
+    # no other listeners.
+    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
+    try:
+        if os.name == "posix":  # elsewhere it would let two services share a port
+            listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listener.bind((host, port))
+        listener.listen(2048)
+    except (OSError, UnicodeError) as error:
+        listener.close()
+        reason = (error.strerror if isinstance(error, OSError) else "not a host name") or str(error)
+        raise OSError(f"cannot listen on {host} port {port}: {reason}; try others by --host and --port") from None
+    return listener
+
+
+def run(app: ASGIApp, listener: socket.socket, announce: Path | None, what: str) -> None:
+    """Serve until SIGINT or SIGTERM; requests in progress may end.
+
+    announce: a file that holds the URL from the moment requests are accepted until the service stops.
+    """
+    address, port = listener.getsockname()[:2]
+    ip = ipaddress.ip_address(address)
+    if not ip.is_loopback:
+        logger.warning("listening on %s: whoever reaches this port may ask the planner", address)
+    host = "127.0.0.1" if ip.is_unspecified else f"[{address}]" if ip.version == 6 else address
+    config = uvicorn.Config(
+        app,
+        log_config=None,
+        access_log=False,
+        timeout_keep_alive=KEEP_ALIVE_S,
+        timeout_graceful_shutdown=GRACE_S,
+    )
+    try:
+        _Server(config, f"http://{host}:{port}", announce, what).run(sockets=[listener])
+    finally:
+        if announce:
+            announce.unlink(missing_ok=True)
+
+
+class _Server(uvicorn.Server):
+    """A uvicorn server that tells where it serves as soon as it accepts requests."""
+
+    def __init__(self, config: uvicorn.Config, url: str, announce: Path | None, what: str) -> None:
+        super().__init__(config)
+        self._url = url
+        self._announce = announce
+        self._what = what
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        typer.echo(f"serving {self._what} at {self._url}")
+        if self._announce:
+            write_atomically(self._announce, self._url)
+
+
+def write_atomically(path: Path, text: str) -> None:
+    """Write a file that readers see whole or not at all."""
+    partial = path.with_name(f".{path.name}.{os.getpid()}")
+    with contextlib.ExitStack() as undo:
+        undo.callback(partial.unlink, missing_ok=True)
+        partial.write_text(text, encoding="utf-8")
+        partial.replace(path)

@@ -1,0 +1,52 @@
+"""An agent that knows the map: it walks the shortest way to the goal, turns to it, and stops.
+
+Privileged: it reads the distance fields and lines of sight that the task judges by. For tests, demonstrations and
+bounds.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thinknav_sim.navigation import distances_at
+from thinknav_sim.navigation.descent import turns_towards_goal
+from thinknav_sim.success import at_viewpoint
+from thinknav_sim.task_config import Action
+from thinknav_sim.vector_env import ObjectNavVectorEnv
+
+
+class ShortestPathFollower:
+    """Actions for the envs of an `ObjectNavVectorEnv`, from their state alone: it keeps nothing between steps."""
+
+    def __init__(self, env: ObjectNavVectorEnv) -> None:
+        self.env = env
+        self._turn = math.radians(env.config.turn_angle)
+
+    def actions(self, indices: Sequence[int] | NDArray[np.int64] | None = None) -> NDArray[np.int64]:
+        """The next action of some envs, all unless given: (n,) int64."""
+        poses, episodes = self.env.poses, self.env.episode_indices
+        agents = range(self.env.num_envs) if indices is None else indices
+        return np.array([self._action(poses[i], int(episodes[i])) for i in agents], np.int64)
+
+    def _action(self, pose: NDArray[np.float64], episode_index: int) -> Action:
+        world, config = self.env.world, self.env.config
+        scene = int(world.table.scene[episode_index])
+        field = world.goal(scene, self.env.episodes[episode_index].object_category).distance
+        if config.success == "viewpoint":
+            if at_viewpoint(float(distances_at(world.grid(scene), field, pose[None])[0])):
+                return Action.STOP
+        else:
+            bearings = world.goal_bearings(episode_index, pose)
+            if bearings.size:
+                nearest = float(bearings[np.abs(bearings).argmin()])
+                if abs(nearest) <= math.radians(config.hfov) / 2:
+                    return Action.STOP
+                return Action.TURN_LEFT if nearest > 0 else Action.TURN_RIGHT
+        turns = turns_towards_goal(
+            world.grids, scene, field, pose, config.forward_step, self._turn, config.allow_sliding
+        )
+        if turns == 0:
+            return Action.MOVE_FORWARD
+        return Action.TURN_LEFT if turns > 0 else Action.TURN_RIGHT

@@ -1,0 +1,56 @@
+"""What an agent senses, and the spaces of it: rgb, depth, gps, compass and the goal, as Habitat-Lab has them."""
+
+import math
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from thinknav_sim.navigation.kinematics import wrap
+from thinknav_sim.scene import GOAL_CATEGORIES, MAX_EXTENT_M
+from thinknav_sim.task_config import ObjectNavConfig
+
+# The observations of N agents by name:
+# rgb: (N, H, W, 3) uint8.
+# depth: (N, H, W, 1) float32, 0 at min_depth and nearer or where there is nothing, 1 at max_depth and farther.
+# gps: (N, 2) float32, metres forward and to the right of the start, as the agent faced it ([-z, x] of that frame).
+# compass: (N, 1) float32, radians turned since the start, left positive.
+# objectgoal: (N, 1) int64, index into GOAL_CATEGORIES.
+Observations = dict[str, NDArray[Any]]
+
+
+def observation_space(config: ObjectNavConfig) -> spaces.Dict:
+    """The space of one agent's observation."""
+    size = (config.height, config.width)
+    return spaces.Dict(
+        {
+            "rgb": spaces.Box(0, 255, (*size, 3), np.uint8),
+            "depth": spaces.Box(0.0, 1.0, (*size, 1), np.float32),
+            "gps": spaces.Box(-MAX_EXTENT_M, MAX_EXTENT_M, (2,), np.float32),
+            "compass": spaces.Box(-math.pi, math.pi, (1,), np.float32),
+            "objectgoal": spaces.Box(0, len(GOAL_CATEGORIES) - 1, (1,), np.int64),
+        }
+    )
+
+
+def normalize_depth(depth: NDArray[np.float32], config: ObjectNavConfig) -> NDArray[np.float32]:
+    """Metres to 0..1, clipped to the sensor's range. Nothing hit reads 0 m, hence 0."""
+    low, high = np.float32(config.min_depth), np.float32(config.max_depth)
+    normalized = np.clip(depth, low, high)
+    normalized -= low
+    normalized /= high - low
+    return normalized
+
+
+def gps(poses: NDArray[np.float64], starts: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Displacement in the start frame: (N, 2) [-z, x] from poses and starts, both (N, 4)."""
+    dx, dz = poses[:, 0] - starts[:, 0], poses[:, 2] - starts[:, 2]
+    sine, cosine = np.sin(starts[:, 3]), np.cos(starts[:, 3])
+    return np.stack([-sine * dx - cosine * dz, cosine * dx - sine * dz], axis=1).astype(np.float32)
+
+
+def compass(poses: NDArray[np.float64], starts: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Heading since the start: (N, 1) radians from poses and starts, both (N, 4)."""
+    turned: NDArray[np.float64] = wrap(poses[:, 3:] - starts[:, 3:])
+    return turned.astype(np.float32)

@@ -1,0 +1,139 @@
+"""The renderer for CPUs: Embree's ray packets, filled and read by compiled loops. Knows nothing of tasks.
+
+Threads are numba's: `numba.set_num_threads` and NUMBA_NUM_THREADS say how many draw.
+"""
+
+import functools
+import threading
+from types import TracebackType
+from typing import Self
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from thinknav_sim.render.arguments import SceneTable, check_rays, check_views
+from thinknav_sim.render.camera import Camera
+from thinknav_sim.render.embree_kernels import cast_rays, draw_views, packet_scratch
+from thinknav_sim.render.embree_library import PACKET_WIDTHS, EmbreeDevice, EmbreeScene
+from thinknav_sim.render.known_answer import check_known_answer
+from thinknav_sim.render.renderer import Hits
+from thinknav_sim.scene import Scene
+
+# RTCRayQueryFlags, the first word of RTCIntersectArguments, and RTC_FEATURE_FLAG_ALL, the second.
+_INCOHERENT, _COHERENT = 0, 1 << 16
+_ALL_FEATURES = 0xFFFFFFFF
+
+# Numba's last-resort threading layer aborts the process when two threads enter it at once.
+_PARALLEL_REGION = threading.Lock()
+
+
+class _BuiltScene:
+    """A scene as the kernels want it; all views of it share it, and its last reference frees it.
+
+    colors: (T, 3, 3) uint8, the colours of each triangle's corners, side by side for the cache's sake.
+    """
+
+    def __init__(self, device: EmbreeDevice, scene: Scene) -> None:
+        self._device = device
+        self._scene = scene
+        self._picture = device.build(scene, robust=False)
+        self._colors = scene.colors[scene.triangles]
+        self.kernel_row = (self._picture.handle, self._colors.ctypes.data, len(self._colors))
+
+    @functools.cached_property
+    def watertight(self) -> EmbreeScene:
+        """Built when first cast at. Pictures do without: they lose one pixel in millions, and save time."""
+        return self._device.build(self._scene, robust=True)
+
+
+class EmbreeRenderer:
+    """Draws on the CPU with Embree 4; see `Renderer` for what its methods take and give.
+
+    packet_width: rays intersected at once, 4, 8 or 16; 0 for the widest that this CPU has instructions for.
+
+    Raises RendererUnavailable when Embree is not there, or does not give a known scene's known answer;
+    ValueError for another packet width.
+    """
+
+    def __init__(self, packet_width: int = 0) -> None:
+        if packet_width not in (0, *PACKET_WIDTHS):
+            raise ValueError(f"packet_width must be one of {PACKET_WIDTHS}, or 0 for the best, not {packet_width}")
+        self._device = EmbreeDevice()
+        self.packet_width = packet_width or self._device.native_packet_width()
+        self._intersect = self._device.intersect_address(self.packet_width)
+        self._scenes = SceneTable[_BuiltScene]()
+        self._coherent = _intersect_arguments(_COHERENT)
+        self._incoherent = _intersect_arguments(_INCOHERENT)
+        check_known_answer(self)
+
+    def add_scene(self, scene: Scene) -> int:
+        """See `Renderer.add_scene`."""
+        return self._scenes.add(_BuiltScene(self._device, scene))
+
+    def remove_scene(self, scene_id: int) -> None:
+        """See `Renderer.remove_scene`."""
+        self._scenes.remove(scene_id)
+
+    def render(
+        self, scene_ids: NDArray[np.int64], poses: NDArray[np.float64], camera: Camera
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """See `Renderer.render`."""
+        ids, places = check_views(scene_ids, poses)
+        scenes = np.array([self._scenes[scene_id].kernel_row for scene_id in ids.tolist()], np.int64).reshape(-1, 3)
+        rgb = np.empty((len(ids), camera.height, camera.width, 3), np.uint8)
+        depth = np.empty((len(ids), camera.height, camera.width, 1), np.float32)
+        packets = packet_scratch(numba.get_num_threads(), self.packet_width)
+        lens = (1 / camera.focal_length, float(camera.elevation))
+        with _PARALLEL_REGION:
+            draw_views(
+                self._intersect,
+                self._coherent.ctypes.data,
+                scenes,
+                places,
+                lens,
+                packets,
+                rgb,
+                depth,
+            )
+        return rgb, depth
+
+    def cast(self, scene_id: int, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Hits:
+        """See `Renderer.cast`."""
+        scene = self._scenes[scene_id].watertight.handle
+        starts, ways = check_rays(origins, directions)
+        hits = Hits(np.empty(len(starts), np.float32), np.empty(len(starts), np.int32))
+        packets = packet_scratch(numba.get_num_threads(), self.packet_width)
+        arguments = self._incoherent.ctypes.data
+        with _PARALLEL_REGION:
+            cast_rays(
+                self._intersect,
+                arguments,
+                scene,
+                starts,
+                ways,
+                packets,
+                hits.distance,
+                hits.triangle,
+            )
+        return hits
+
+    def close(self) -> None:
+        """See `Renderer.close`."""
+        self._scenes.clear()
+        self._device.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+def _intersect_arguments(flags: int) -> NDArray[np.uint32]:
+    """An RTCIntersectArguments with these flags, and neither context nor callbacks."""
+    arguments = np.zeros(16, np.uint32)
+    arguments[:2] = flags, _ALL_FEATURES
+    return arguments

@@ -1,0 +1,226 @@
+"""Compiled loops that fill Embree's ray packets, intersect them, and read colours and depths off the hits.
+
+A packet is Embree's `RTCRayHitK`: for K rays, rows of K four-byte values, one row for each field below. The
+kernels take K from the scratch array's shape and Embree's function by address, so that one compilation, kept
+in numba's cache, serves every width and every process. They know nothing of how scenes are built, and check
+nothing.
+"""
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from thinknav_sim.render.native_call import array_at, intersect_packet
+from thinknav_sim.render.renderer import NOTHING_DEPTH
+
+# Rows of RTCRayHitK in use.
+_ORIGIN, _NEAR, _DIRECTION, _TIME, _FAR, _MASK, _ID, _FLAGS = 0, 3, 4, 7, 8, 9, 10, 11
+_U, _V, _TRIANGLE, _GEOMETRY = 15, 16, 17, 18
+# Which rays to intersect: -1 yes, 0 no. A row of its own behind the packet's 21.
+_VALID = 24
+_ROWS = 32
+_NO_GEOMETRY = -1
+_ALL_MASKS = -1
+_CACHE_LINE_BYTES = 64
+
+# The constant and the slopes in u and v of one colour channel over a triangle.
+Channel = tuple[np.float32, np.float32, np.float32]
+
+
+def packet_scratch(threads: int, packet_width: int) -> NDArray[np.int32]:
+    """A packet for each thread: (threads, rows, K) int32, aligned as Embree and the cache ask."""
+    size = threads * _ROWS * packet_width
+    memory = np.zeros(size + _CACHE_LINE_BYTES // 4, np.int32)
+    start = -memory.ctypes.data % _CACHE_LINE_BYTES // 4
+    return memory[start : start + size].reshape(threads, _ROWS, packet_width)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _color_plane(corners: NDArray[np.uint8]) -> tuple[Channel, Channel, Channel]:
+    """A triangle's colour as a linear function of u and v, from its corners' (3, 3).
+
+    Half a level is added, so that cutting off the fraction rounds.
+    """
+    red, green, blue = np.float32(corners[0, 0]), np.float32(corners[0, 1]), np.float32(corners[0, 2])
+    half = np.float32(0.5)
+    return (
+        (red + half, np.float32(corners[1, 0]) - red, np.float32(corners[2, 0]) - red),
+        (green + half, np.float32(corners[1, 1]) - green, np.float32(corners[2, 1]) - green),
+        (blue + half, np.float32(corners[1, 2]) - blue, np.float32(corners[2, 2]) - blue),
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _color_level(channel: Channel, u: np.float32, v: np.float32) -> np.uint8:
+    return np.uint8(np.int32(channel[0] + u * channel[1] + v * channel[2]))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _tile_shape(lanes: int) -> tuple[int, int]:
+    """Height and width of the block of pixels that a packet covers: 4x4, 2x4 or 2x2."""
+    height = 4 if lanes == 16 else 2
+    return height, lanes // height
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _start_strip(
+    packet: NDArray[np.int32], pose: NDArray[np.float64], camera: tuple[float, float], top: int, height: int
+) -> None:
+    """Write what all tiles of a strip have in common."""
+    lanes = packet.shape[1]
+    tile_width = _tile_shape(lanes)[1]
+    pixel, elevation = camera
+    rays = packet.view(np.float32)
+    for lane in range(lanes):
+        rays[_ORIGIN, lane] = pose[0]
+        rays[_ORIGIN + 1, lane] = pose[1] + elevation
+        rays[_ORIGIN + 2, lane] = pose[2]
+        rays[_NEAR, lane] = 0
+        rays[_DIRECTION + 1, lane] = (height / 2 - (top + lane // tile_width) - 0.5) * pixel
+        rays[_TIME, lane] = 0
+        packet[_MASK, lane] = _ALL_MASKS
+        packet[_ID, lane] = 0
+        packet[_FLAGS, lane] = 0
+        packet[_VALID, lane] = -1
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _draw_strip(
+    intersect: int,
+    arguments: int,
+    scene: int,
+    colors: NDArray[np.uint8],
+    pose: NDArray[np.float64],
+    camera: tuple[float, float],
+    packet: NDArray[np.int32],
+    top: int,
+    rgb: NDArray[np.uint8],
+    depth: NDArray[np.float32],
+) -> None:
+    """Draw the tiles of one view whose first row of pixels is `top`."""
+    height, width = depth.shape[0], depth.shape[1]
+    tile_height, tile_width = _tile_shape(packet.shape[1])
+    _start_strip(packet, pose, camera, top, height)
+    pixel = np.float32(camera[0])
+    sine, cosine = np.float32(np.sin(pose[3])), np.float32(np.cos(pose[3]))
+    middle = np.float32(width / 2 - 0.5)
+    rays = packet.view(np.float32)
+    address = packet.ctypes.data
+    valid = address + _VALID * packet.shape[1] * 4
+    shaded = -1
+    red = green = blue = (np.float32(0), np.float32(0), np.float32(0))
+    for left in range(0, width, tile_width):
+        for row in range(tile_height):
+            for column in range(tile_width):
+                lane = row * tile_width + column
+                # Forward has length 1 and the ray is not normalised: the hit's distance is the depth.
+                right = (np.float32(left + column) - middle) * pixel
+                rays[_DIRECTION, lane] = right * cosine - sine
+                rays[_DIRECTION + 2, lane] = -right * sine - cosine
+                rays[_FAR, lane] = np.inf
+                packet[_GEOMETRY, lane] = _NO_GEOMETRY
+        intersect_packet(intersect, valid, scene, address, arguments)
+        for row in range(min(tile_height, height - top)):
+            for column in range(min(tile_width, width - left)):
+                lane = row * tile_width + column
+                y, x = top + row, left + column
+                if packet[_GEOMETRY, lane] == _NO_GEOMETRY:
+                    depth[y, x, 0] = NOTHING_DEPTH
+                    rgb[y, x, 0] = rgb[y, x, 1] = rgb[y, x, 2] = 0
+                    continue
+                depth[y, x, 0] = rays[_FAR, lane]
+                # Neighbours mostly see the same triangle: its colours stay in registers.
+                if packet[_TRIANGLE, lane] != shaded:
+                    shaded = packet[_TRIANGLE, lane]
+                    red, green, blue = _color_plane(colors[shaded])
+                u, v = rays[_U, lane], rays[_V, lane]
+                rgb[y, x, 0] = _color_level(red, u, v)
+                rgb[y, x, 1] = _color_level(green, u, v)
+                rgb[y, x, 2] = _color_level(blue, u, v)
+
+
+@njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def draw_views(
+    intersect: int,
+    arguments: int,
+    scenes: NDArray[np.int64],
+    poses: NDArray[np.float64],
+    camera: tuple[float, float],
+    packets: NDArray[np.int32],
+    rgb: NDArray[np.uint8],
+    depth: NDArray[np.float32],
+) -> None:
+    """Draw N views, strips of tiles dealt in turn to as many threads as there are packets.
+
+    intersect, arguments: addresses of rtcIntersectK and of its RTCIntersectArguments.
+    scenes: (N, 3) int64, a view's Embree scene, the address of its (T, 3, 3) uint8 corner colours, and T.
+    poses: (N, 4) float64. packets: from `packet_scratch`.
+    camera: the width of a pixel on a plane at 1 m, and the elevation, metres.
+    rgb (N, H, W, 3) uint8 and depth (N, H, W, 1) float32 are written.
+    """
+    views, height = depth.shape[0], depth.shape[1]
+    threads = packets.shape[0]
+    tile_height = _tile_shape(packets.shape[2])[0]
+    strips = (height + tile_height - 1) // tile_height
+    for thread in prange(threads):
+        for strip in range(thread, views * strips, threads):
+            view = strip // strips
+            scene, address, triangles = scenes[view]
+            colors = array_at(address, (triangles, 3, 3), np.uint8)
+            top = strip % strips * tile_height
+            _draw_strip(
+                intersect,
+                arguments,
+                scene,
+                colors,
+                poses[view],
+                camera,
+                packets[thread],
+                top,
+                rgb[view],
+                depth[view],
+            )
+
+
+@njit(cache=True, parallel=True, nogil=True, error_model="numpy")
+def cast_rays(
+    intersect: int,
+    arguments: int,
+    scene: int,
+    origins: NDArray[np.float32],
+    directions: NDArray[np.float32],
+    packets: NDArray[np.int32],
+    distance: NDArray[np.float32],
+    triangle: NDArray[np.int32],
+) -> None:
+    """First hits of R rays, packets of K dealt in turn to as many threads as there are packets.
+
+    origins, directions: (R, 3) float32. distance (R,) float32 and triangle (R,) int32 are written.
+    """
+    rays = len(origins)
+    threads, lanes = packets.shape[0], packets.shape[2]
+    for thread in prange(threads):
+        packet = packets[thread]
+        fields = packet.view(np.float32)
+        address = packet.ctypes.data
+        for first in range(thread * lanes, rays, threads * lanes):
+            for lane in range(lanes):
+                ray = first + lane
+                packet[_VALID, lane] = -1 if ray < rays else 0
+                packet[_GEOMETRY, lane] = _NO_GEOMETRY
+                if ray >= rays:
+                    continue
+                for axis in range(3):
+                    fields[_ORIGIN + axis, lane] = origins[ray, axis]
+                    fields[_DIRECTION + axis, lane] = directions[ray, axis]
+                fields[_NEAR, lane] = 0
+                fields[_TIME, lane] = 0
+                fields[_FAR, lane] = np.inf
+                packet[_MASK, lane] = _ALL_MASKS
+                packet[_ID, lane] = 0
+                packet[_FLAGS, lane] = 0
+            intersect_packet(intersect, address + _VALID * lanes * 4, scene, address, arguments)
+            for lane in range(min(lanes, rays - first)):
+                hit = packet[_GEOMETRY, lane] != _NO_GEOMETRY
+                distance[first + lane] = fields[_FAR, lane] if hit else np.inf
+                triangle[first + lane] = packet[_TRIANGLE, lane] if hit else -1

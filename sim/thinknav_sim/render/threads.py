@@ -1,0 +1,11 @@
+"""How many threads draw."""
+
+import os
+
+import numba
+
+
+def set_render_threads(count: int) -> None:
+    """Let renderers use this many threads from now on; as many as numba started with at the most."""
+    available = int(os.environ.get("NUMBA_NUM_THREADS", os.cpu_count() or 1))
+    numba.set_num_threads(max(1, min(count, available)))

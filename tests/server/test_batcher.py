@@ -1,0 +1,242 @@
+"""The batcher: batches form, the queue is bounded, deadlines hold, and whoever leaves frees a place."""
+
+import asyncio
+import threading
+from collections.abc import Callable, Coroutine, Sequence
+from typing import Any
+
+import pytest
+from thinknav_proto import DeadlineExceeded, InvalidRequest, Overloaded, PlannerError, PlannerFailed, Unavailable
+from thinknav_server.batcher import Batched, Batcher
+
+
+class GatedWork:
+    """Doubles numbers, one batch for each time that the gate is opened."""
+
+    def __init__(self) -> None:
+        self.batches: list[list[int]] = []
+        self.began = threading.Semaphore(0)
+        self.gate = threading.Semaphore(0)
+
+    def __call__(self, items: Sequence[int]) -> Sequence[int | PlannerError]:
+        self.batches.append(list(items))
+        self.began.release()
+        assert self.gate.acquire(timeout=10)
+        return [2 * item for item in items]
+
+    async def wait_until_it_works(self) -> None:
+        assert await asyncio.to_thread(self.began.acquire, timeout=10)
+
+
+def batcher_of(
+    work: Callable[[Sequence[int]], Sequence[int | PlannerError]],
+    max_batch: int = 4,
+    max_wait: float = 0.0,
+    queue_size: int = 8,
+) -> Batcher[int, int]:
+    return Batcher(work, max_batch=max_batch, max_wait=max_wait, queue_size=queue_size)
+
+
+def run(test: Callable[[], Coroutine[Any, Any, None]]) -> None:
+    async def limited() -> None:
+        async with asyncio.timeout(30):
+            await test()
+
+    asyncio.run(limited())
+
+
+def submit(batcher: Batcher[int, int], item: int, deadline: float = 30.0) -> asyncio.Task[Batched[int]]:
+    return asyncio.create_task(batcher.submit(item, deadline))
+
+
+async def settle() -> None:
+    """Lets tasks that can run do so."""
+    for _ in range(5):
+        await asyncio.sleep(0)
+
+
+def test_what_arrives_together_is_one_batch_in_order() -> None:
+    batches: list[list[int]] = []
+
+    def work(items: Sequence[int]) -> Sequence[int]:
+        batches.append(list(items))
+        return [2 * item for item in items]
+
+    async def test() -> None:
+        async with batcher_of(work) as batcher:
+            answers = await asyncio.gather(*(batcher.submit(item, 30) for item in range(6)))
+        assert [answer.result for answer in answers] == [0, 2, 4, 6, 8, 10]
+        assert batches == [[0, 1, 2, 3], [4, 5]]
+
+    run(test)
+
+
+def test_what_arrives_while_the_worker_is_busy_is_the_next_batch() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work) as batcher:
+            first = submit(batcher, 1)
+            await work.wait_until_it_works()
+            rest = [submit(batcher, item) for item in (2, 3)]
+            await settle()
+            work.gate.release(2)
+            results = [(await task).result for task in (first, *rest)]
+        assert results == [2, 4, 6]
+        assert work.batches == [[1], [2, 3]]
+
+    run(test)
+
+
+def test_a_lone_item_waits_for_others_as_long_as_it_may() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        work.gate.release(9)
+        async with batcher_of(work, max_batch=2, max_wait=20.0) as batcher:
+            first = submit(batcher, 1)
+            await settle()
+            assert work.batches == []
+            await asyncio.gather(first, submit(batcher, 2))
+        async with batcher_of(work, max_batch=2, max_wait=0.01) as batcher:
+            await submit(batcher, 3)
+        assert work.batches == [[1, 2], [3]]
+
+    run(test)
+
+
+def test_a_full_queue_refuses_at_once_and_says_when_to_come_back() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work, queue_size=2) as batcher:
+            first = submit(batcher, 1)
+            await work.wait_until_it_works()
+            waiting = [submit(batcher, item) for item in (2, 3)]
+            await settle()
+            assert batcher.waiting == 2
+            with pytest.raises(Overloaded, match="queue is full") as refused:
+                await batcher.submit(4, 30)
+            assert refused.value.retry_after > 0
+            work.gate.release(2)
+            await asyncio.gather(first, *waiting)
+        assert work.batches == [[1], [2, 3]]
+
+    run(test)
+
+
+def test_what_cannot_be_served_in_time_is_refused_at_once() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work, max_batch=1) as batcher:
+            slow = submit(batcher, 1)
+            await work.wait_until_it_works()
+            await asyncio.sleep(0.2)
+            work.gate.release()
+            await slow
+            running, waiting = submit(batcher, 2), submit(batcher, 3)
+            await work.wait_until_it_works()
+            with pytest.raises(Overloaded, match=r"the deadline is 0\.01 s"):
+                await batcher.submit(4, 0.01)
+            work.gate.release(2)
+            await asyncio.gather(running, waiting)
+
+    run(test)
+
+
+def test_a_deadline_passes_and_frees_the_place() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work) as batcher:
+            first = submit(batcher, 1)
+            await work.wait_until_it_works()
+            with pytest.raises(DeadlineExceeded, match=r"0\.01 s"):
+                await batcher.submit(2, 0.01)
+            assert batcher.waiting == 0
+            work.gate.release()
+            await first
+        assert work.batches == [[1]]
+
+    run(test)
+
+
+def test_a_client_that_cancels_frees_its_place() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work, queue_size=1) as batcher:
+            first = submit(batcher, 1)
+            await work.wait_until_it_works()
+            leaving = submit(batcher, 2)
+            await settle()
+            leaving.cancel()
+            await asyncio.wait([leaving])
+            staying = submit(batcher, 3)
+            await settle()
+            work.gate.release(2)
+            assert (await staying).result == 6
+            await first
+        assert work.batches == [[1], [3]]
+
+    run(test)
+
+
+def test_a_client_that_cancels_in_mid_batch_harms_nobody() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work) as batcher:
+            leaving, staying = submit(batcher, 1), submit(batcher, 2)
+            await work.wait_until_it_works()
+            leaving.cancel()
+            work.gate.release()
+            assert (await staying).result == 4
+
+    run(test)
+
+
+def test_an_error_for_one_item_reaches_it_alone() -> None:
+    def work(items: Sequence[int]) -> Sequence[int | PlannerError]:
+        return [InvalidRequest("odd") if item % 2 else item for item in items]
+
+    async def test() -> None:
+        async with batcher_of(work) as batcher:
+            odd, even = await asyncio.gather(batcher.submit(1, 30), batcher.submit(2, 30), return_exceptions=True)
+        assert isinstance(odd, InvalidRequest)
+        assert isinstance(even, Batched)
+
+    run(test)
+
+
+@pytest.mark.parametrize("results", [RuntimeError("broken"), [1, 2, 3]])
+def test_a_batch_that_fails_does_not_stop_the_next(results: object) -> None:
+    def work(items: Sequence[int]) -> Sequence[int]:
+        if items == [1]:
+            if isinstance(results, list):
+                return results
+            raise RuntimeError
+        return items
+
+    async def test() -> None:
+        async with batcher_of(work) as batcher:
+            with pytest.raises(PlannerFailed):
+                await batcher.submit(1, 30)
+            assert (await batcher.submit(2, 30)).result == 2
+
+    run(test)
+
+
+def test_stopping_refuses_what_waits_and_what_comes() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work) as batcher:
+            running = submit(batcher, 1)
+            await work.wait_until_it_works()
+            waiting = submit(batcher, 2)
+            await settle()
+            assert batcher.running
+            asyncio.get_running_loop().call_later(0.05, work.gate.release)
+        for task in (running, waiting):
+            with pytest.raises(Unavailable, match="stopping"):
+                await task
+        assert not batcher.running
+        with pytest.raises(Unavailable, match="not running"):
+            await batcher.submit(3, 30)
+        assert work.batches == [[1]]
+
+    run(test)

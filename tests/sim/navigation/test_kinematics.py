@@ -1,0 +1,94 @@
+"""Walking: straight, into walls, along walls."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from thinknav_sim.navigation import GridTable, NavigationGrid
+from thinknav_sim.navigation.kinematics import walk, wrap
+from thinknav_sim.render import Renderer
+from thinknav_sim.scene import Scene
+
+STEP = 0.25
+CENTIMETRE = 0.01
+
+
+@pytest.fixture(scope="module")
+def grid(divided_room: Scene, renderer: Renderer) -> NavigationGrid:
+    return NavigationGrid.from_scene(divided_room, renderer)
+
+
+@pytest.mark.parametrize(
+    ("heading", "dx", "dz"), [(0.0, 0, -1), (math.pi / 2, -1, 0), (math.pi, 0, 1), (-math.pi / 2, 1, 0)]
+)
+def test_forward_goes_along_the_heading(grid: NavigationGrid, heading: float, dx: int, dz: int) -> None:
+    x, z, blocked = walk(GridTable.of([grid]), 0, 4.0, 1.5, heading, STEP, False)
+    assert (x, z) == pytest.approx((4.0 + STEP * dx, 1.5 + STEP * dz))
+    assert not blocked
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.3, -0.7, math.pi / 2 - 0.2])
+@pytest.mark.parametrize("sliding", [False, True])
+def test_walking_into_a_wall_ends_in_contact(grid: NavigationGrid, heading: float, sliding: bool) -> None:
+    table = GridTable.of([grid])
+    x, z, blocked = 3.0, 1.0, False
+    for _ in range(20):
+        if not blocked:
+            x, z, blocked = walk(table, 0, x, z, heading, STEP, False)
+    assert blocked
+    assert grid.is_navigable(np.array([[x, 0.0, z]]))[0]
+    ahead = np.array([[x - CENTIMETRE * math.sin(heading), 0.0, z - CENTIMETRE * math.cos(heading)]])
+    assert not grid.is_navigable(ahead)[0]
+
+
+def test_contact_with_a_wall_head_on(empty_room: Scene, renderer: Renderer) -> None:
+    grid = NavigationGrid.from_scene(empty_room, renderer)
+    table = GridTable.of([grid])
+    rim = grid.origin[1] + np.nonzero(grid.navigable.any(axis=1))[0][0] * grid.cell
+    x, z, blocked = walk(table, 0, 3.0, rim + 0.1, 0.0, STEP, False)
+    assert blocked
+    assert x == 3.0
+    assert rim <= z <= rim + CENTIMETRE
+
+
+def test_sliding_goes_on_along_the_wall(empty_room: Scene, renderer: Renderer) -> None:
+    table = GridTable.of([NavigationGrid.from_scene(empty_room, renderer)])
+    heading = math.radians(30)
+    x, z, blocked = walk(table, 0, 3.0, 0.3, heading, 2.0, True)
+    stuck_x, stuck_z, _ = walk(table, 0, 3.0, 0.3, heading, 2.0, False)
+    assert blocked
+    assert x == pytest.approx(3.0 - 2.0 * math.sin(heading))
+    assert x < stuck_x - 0.5
+    assert z == pytest.approx(stuck_z)
+
+
+@settings(deadline=None, max_examples=200)
+@given(
+    seed=st.integers(0, 2**31),
+    heading=st.floats(-math.pi, math.pi),
+    length=st.floats(0.01, 3.0),
+    sliding=st.booleans(),
+)
+def test_nobody_walks_out_or_farther_than_asked(
+    grid: NavigationGrid, seed: int, heading: float, length: float, sliding: bool
+) -> None:
+    start = grid.random_navigable(np.random.default_rng(seed), 1)[0]
+    x, z, blocked = walk(GridTable.of([grid]), 0, start[0], start[2], heading, length, sliding)
+    assert grid.is_navigable(np.array([[x, 0.0, z]]))[0]
+    covered = math.hypot(x - start[0], z - start[2])
+    assert covered <= length + 1e-9
+    assert blocked or covered == pytest.approx(length)
+
+
+@given(st.floats(-100.0, 100.0))
+def test_wrap_gives_the_same_angle(angle: float) -> None:
+    wrapped = wrap(angle)
+    assert -math.pi - 1e-12 <= wrapped <= math.pi
+    assert math.cos(wrapped) == pytest.approx(math.cos(angle), abs=1e-9)
+    assert math.sin(wrapped) == pytest.approx(math.sin(angle), abs=1e-9)
+
+
+def test_wrap_includes_pi_and_not_minus_pi() -> None:
+    assert wrap(math.pi) == wrap(-math.pi) == math.pi

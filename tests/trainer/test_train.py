@@ -1,0 +1,114 @@
+"""A whole run, small: what it leaves on disk, and that one which was resumed equals one which was not."""
+
+import json
+from pathlib import Path
+
+import pytest
+import torch
+from thinknav_proto import Unavailable
+from thinknav_trainer.checkpoint import Checkpoint, CheckpointError
+from thinknav_trainer.config import TrainConfig, change_config
+from thinknav_trainer.evaluate import evaluate, read_evaluation, summarize, write_evaluation
+from thinknav_trainer.interrupt import Interruption
+from thinknav_trainer.planner import MockTransport, PlannerClient
+from thinknav_trainer.policy import Policy
+from thinknav_trainer.run import Run, list_checkpoints, read_metrics
+from thinknav_trainer.scenes import Homes
+from thinknav_trainer.train import observation_shape, train
+
+
+def planner() -> PlannerClient:
+    return PlannerClient(MockTransport(lambda request: ("turn left", "move forward")[int(request.request_id) % 2]))
+
+
+def config_of(smoke: TrainConfig, *overrides: str) -> TrainConfig:
+    return change_config(smoke, overrides=["ppo.precision=float32", "policy.stop_bias=-1", *overrides])
+
+
+def test_a_run_leaves_metrics_thoughts_and_checkpoints(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
+    config = config_of(smoke)
+    run = Run.create(tmp_path, config)
+    last = train(run, homes, planner(), Interruption())
+    run.close()
+    assert [path.stem for path in list_checkpoints(tmp_path)] == ["0000000000", "0000000128", "0000000256"]
+    assert last == list_checkpoints(tmp_path)[-1]
+    metrics = read_metrics(tmp_path)
+    assert [row["steps"] for row in metrics] == [64, 128, 192, 256]
+    asked = [json.loads(line) for line in (tmp_path / "thoughts.jsonl").read_text().splitlines()]
+    assert len(asked) == metrics[-1]["thoughts/asked"] == metrics[-1]["thoughts/answered"] > 0
+    assert {"success", "spl", "soft_spl", "think_rate", "reward/think_cost", "steps_per_s"} <= set(metrics[-1])
+    # With the task alone each episode's terms add up; thinking is charged by the think.
+    assert metrics[-1]["reward/think_cost"] == pytest.approx(-0.01 * metrics[-1]["thinks"], abs=1e-6)
+
+
+def test_a_resumed_run_equals_one_that_was_not_interrupted(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
+    config = config_of(smoke)
+    whole = Run.create(tmp_path / "whole", config)
+    train(whole, homes, planner(), Interruption())
+    whole.close()
+    first = Run.create(tmp_path / "halves", config_of(smoke, "total_steps=128"))
+    middle = train(first, homes, planner(), Interruption())
+    first.close()
+    second = Run(tmp_path / "halves", config, steps=128)
+    train(second, homes, planner(), Interruption(), resume_from=Checkpoint.load(middle))
+    second.close()
+    a, b = (Checkpoint.load(list_checkpoints(tmp_path / name)[-1]) for name in ("whole", "halves"))
+    for name, weight in a.policy.items():
+        assert torch.equal(weight, b.policy[name]), name
+    timeless = [
+        [{k: v for k, v in row.items() if not k.startswith("time/") and k != "steps_per_s"} for row in read_metrics(f)]
+        for f in (tmp_path / "whole", tmp_path / "halves")
+    ]
+    assert timeless[0] == timeless[1]
+    assert (tmp_path / "whole/thoughts.jsonl").read_text() == (tmp_path / "halves/thoughts.jsonl").read_text()
+
+
+def test_an_interrupted_run_saves_and_ends(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
+    run = Run.create(tmp_path, config_of(smoke))
+    interruption = Interruption()
+
+    def interrupting(request: object) -> str:
+        interruption.request(2)
+        return "turn left"
+
+    last = train(run, homes, PlannerClient(MockTransport(interrupting)), interruption)
+    run.close()
+    assert Checkpoint.load(last).steps == 64
+    assert interruption.exit_code == 130
+
+
+def test_a_checkpoint_for_other_actions_is_not_resumed(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
+    run = Run.create(tmp_path, config_of(smoke, "total_steps=64"))
+    last = Checkpoint.load(train(run, homes, planner(), Interruption()))
+    run.close()
+    other = Run(tmp_path, config_of(smoke, "think.strategy=never"), steps=64)
+    with pytest.raises(CheckpointError, match=r"turn_right, think\], here they are \[stop, .*turn_right\]"):
+        train(other, homes, None, Interruption(), resume_from=last)
+    other.close()
+
+
+def test_a_run_ends_when_its_planner_is_gone(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
+    config = config_of(smoke, "think.patience=0")
+    run = Run.create(tmp_path, config)
+    with pytest.raises(Unavailable, match="has not answered"):
+        train(run, homes, PlannerClient(MockTransport(lambda request: Unavailable("gone"))), Interruption())
+    run.close()
+
+
+def test_evaluation_plays_every_episode_once(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
+    config = config_of(smoke)
+    with planner() as asked:
+        policy = Policy(observation_shape(config, asked), config.policy)
+        records = evaluate(policy, config, homes.scenes, homes.train[:7], asked, Interruption())
+        again = evaluate(policy, config, homes.scenes, homes.train[:7], asked, Interruption())
+    assert [record.episode_id for record in records] == [episode.episode_id for episode in homes.train[:7]]
+    for record in records:
+        assert len(record.path) == record.measures["steps"]
+        assert len(record.thoughts) == record.measures["thinks"]
+        assert all(step < len(record.path) for step, _ in record.thoughts)
+    assert [record.path for record in again] == [record.path for record in records]
+    write_evaluation(tmp_path, {"split": "train"}, records)
+    result, read = read_evaluation(tmp_path)
+    assert [record.measures for record in read] == [record.measures for record in records]
+    assert result["summary"] == summarize(records)
+    assert result["summary"]["steps"]["mean"] == pytest.approx(sum(len(r.path) for r in records) / 7)
