@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from thinknav_sim.episodes import Episode, make_episodes
 from thinknav_sim.homes import generate_home
 from thinknav_sim.navigation import NavigationGrid

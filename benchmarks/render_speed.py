@@ -20,6 +20,7 @@ from typing import Any
 import numba
 import numpy as np
 from numpy.typing import NDArray
+
 from thinknav_sim.homes import generate_home
 from thinknav_sim.render import Camera, EmbreeRenderer, Open3DRenderer, Renderer
 from thinknav_sim.scene import Scene

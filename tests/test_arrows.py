@@ -46,9 +46,7 @@ def test_imports_follow_the_arrows(package: str) -> None:
     forbidden = (set(PACKAGES) - {package} - MAY_IMPORT[package]) | MAY_NOT_LOAD.get(package, set())
     if package == "thinknav_sim":
         assert PACKAGES[package] / "render" / "open3d_raycasting.py" in files
-    wrong = {
-        str(path.relative_to(ROOT)): imports(path) & forbidden for path in files if imports(path) & forbidden
-    }
+    wrong = {str(path.relative_to(ROOT)): imports(path) & forbidden for path in files if imports(path) & forbidden}
     assert not wrong
 
 

@@ -63,9 +63,7 @@ class HashedWords:
 
 
 def _embed(text: str) -> NDArray[np.float64]:
-    words = [
-        word for word in _WORD.findall(text.encode("utf-8", "replace").lower()) if word not in _FILLER_WORDS
-    ]
+    words = [word for word in _WORD.findall(text.encode("utf-8", "replace").lower()) if word not in _FILLER_WORDS]
     total = np.zeros(DIMENSION)  # sums of small multiples of 1/2 are exact, in whatever order
     for word in words:
         total += _signs(word) * (_DIRECTION_WEIGHT if word in _DIRECTION_WORDS else _WORD_WEIGHT)

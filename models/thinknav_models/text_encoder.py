@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 class EmbeddingSpace:
     """The identity of an embedding space: embeddings may be compared only within one.
 
-    name: of the encoder. revision: 12 hex digits, a hash of all that its outputs depend on (parameters,
-    weights).
+    name: of the encoder. revision: 12 hex digits, a hash of all that its outputs depend on (parameters, weights).
     """
 
     name: str

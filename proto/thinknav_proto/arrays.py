@@ -18,9 +18,7 @@ def _read(value: object, info: ValidationInfo) -> NDArray[np.float32]:
     """A read-only float32 array from an array, from wire bytes, or in JSON from lists. Raises ValueError."""
     if isinstance(value, bytes):
         if len(value) % (EMBEDDING_DIMENSION * _WIRE_DTYPE.itemsize):
-            raise ValueError(
-                f"{len(value)} bytes are not a whole number of {EMBEDDING_DIMENSION} float32 values"
-            )
+            raise ValueError(f"{len(value)} bytes are not a whole number of {EMBEDDING_DIMENSION} float32 values")
         array = np.frombuffer(value, dtype=_WIRE_DTYPE).astype(np.float32, copy=False)
     elif isinstance(value, np.ndarray):
         if value.dtype != np.float32:

@@ -8,7 +8,7 @@ allocates what a header merely claims. `README.md` beside this package writes th
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TypeVar
 
-import msgpack  # type: ignore[import-untyped]
+import msgpack
 from pydantic import ValidationError
 
 from thinknav_proto.errors import InvalidRequest, PlannerError, ProtocolMismatch, error_from_wire
@@ -24,8 +24,7 @@ from thinknav_proto.messages import (
 
 CONTENT_TYPE = "application/vnd.thinknav+msgpack"
 
-# An array header costs 5 bytes and may claim 4 billion items; these bound what a decoder reserves for a
-# claim.
+# An array header costs 5 bytes and may claim 4 billion items; these bound what a decoder reserves for a claim.
 MAX_ARRAY_LENGTH = 4096
 MAX_MAP_LENGTH = 64
 
@@ -127,9 +126,7 @@ def _open(body: bytes, malformed: type[PlannerError]) -> Mapping[str, object]:
             max_ext_len=0,
         )
     except (ValueError, TypeError, OverflowError, msgpack.UnpackException) as error:
-        raise malformed(
-            f"the body is not valid msgpack: {str(error)[:200] or type(error).__name__}"
-        ) from None
+        raise malformed(f"the body is not valid msgpack: {str(error)[:200] or type(error).__name__}") from None
     if not isinstance(content, dict):
         raise malformed(f"the body must be a msgpack map, not {type(content).__name__}")
     _check_version(content.get("version"), malformed)
@@ -140,9 +137,7 @@ def _check_version(version: object, malformed: type[PlannerError]) -> None:
     if not isinstance(version, int) or isinstance(version, bool):
         raise malformed("the body must state its protocol version, a whole number, as 'version'")
     if version != PROTOCOL_VERSION:
-        raise ProtocolMismatch(
-            f"this side speaks protocol version {PROTOCOL_VERSION}, the other side {version}"
-        )
+        raise ProtocolMismatch(f"this side speaks protocol version {PROTOCOL_VERSION}, the other side {version}")
 
 
 def _open_reply(body: bytes) -> Mapping[str, object]:

@@ -13,8 +13,6 @@ Each error has one code, which the wire carries, and one HTTP status. Over zenoh
 is sent as the error reply. This module knows neither HTTP libraries nor zenoh.
 """
 
-# ruff: noqa: N818 - each name says what happened; the root says that it is an error
-
 import math
 from typing import ClassVar
 

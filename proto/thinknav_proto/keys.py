@@ -39,19 +39,12 @@ def replica_of(key: str) -> str:
     """The replica that a key belongs to. Raises ValueError for a key that is not a planner's."""
     prefix, _, rest = key.partition(f"{PREFIX}/")
     replica, slash, leaf = rest.partition("/")
-    if (
-        prefix
-        or not slash
-        or leaf not in ("subgoal", "embed", "info", "alive")
-        or not _REPLICA.fullmatch(replica)
-    ):
+    if prefix or not slash or leaf not in ("subgoal", "embed", "info", "alive") or not _REPLICA.fullmatch(replica):
         raise ValueError(f"{key!r} is not a key of a planner; those read {PREFIX}/<replica>/subgoal")
     return replica
 
 
 def _key(replica: str, leaf: str) -> str:
     if not _REPLICA.fullmatch(replica):
-        raise ValueError(
-            f"a replica is named by 1 to 64 of the characters A-Z a-z 0-9 _ . -, not {replica!r}"
-        )
+        raise ValueError(f"a replica is named by 1 to 64 of the characters A-Z a-z 0-9 _ . -, not {replica!r}")
     return f"{PREFIX}/{replica}/{leaf}"

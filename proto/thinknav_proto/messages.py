@@ -46,8 +46,7 @@ class Frame(Message):
     encoding: "raw" (height x width x 3 uint8, row by row from the top), "jpeg" or "png".
     data: the bytes in that encoding.
     width, height: pixels; given for raw frames, and for those alone.
-    heading: radians, counter-clockwise seen from above, relative to the request's own frame, for which it is
-    0.
+    heading: radians, counter-clockwise seen from above, relative to the request's own frame (0 for that one).
     """
 
     encoding: Literal["raw", "jpeg", "png"]

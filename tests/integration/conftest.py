@@ -48,11 +48,11 @@ def start_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StartSer
     for process in processes:
         if process.poll() is None:
             process.terminate()
-            try:
-                process.communicate(timeout=STOP_TIMEOUT_S)
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.communicate()
+        try:
+            process.communicate(timeout=STOP_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.communicate()
 
 
 @pytest.fixture(scope="session")

@@ -13,6 +13,7 @@ import httpx
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from thinknav_models import HashedWords
 from thinknav_trainer.planner import (
     DeadlineExceeded,

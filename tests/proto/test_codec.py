@@ -4,13 +4,14 @@ import struct
 import tracemalloc
 from collections.abc import Callable
 
-import msgpack  # type: ignore[import-untyped]
+import msgpack
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
+
 from thinknav_proto import (
     DeadlineExceeded,
     EmbedReply,

@@ -3,6 +3,7 @@
 import pickle
 
 import pytest
+
 from thinknav_proto import (
     InvalidRequest,
     Overloaded,

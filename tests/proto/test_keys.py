@@ -1,6 +1,7 @@
 """Zenoh keys."""
 
 import pytest
+
 from thinknav_proto import ALL_ALIVE, alive_key, embed_key, info_key, replica_of, subgoal_key
 
 

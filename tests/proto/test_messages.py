@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 from pydantic import ValidationError
+
 from thinknav_proto import EmbedReply, Frame, SubgoalReply, SubgoalRequest, Timings, describe
 
 

@@ -4,6 +4,7 @@ import re
 from pathlib import Path
 
 import pytest
+
 from thinknav_proto import (
     ALL_ALIVE,
     CONTENT_TYPE,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
 import pytest
+
 from thinknav_proto import DeadlineExceeded, InvalidRequest, Overloaded, PlannerError, PlannerFailed, Unavailable
 from thinknav_server.batcher import Batched, Batcher
 

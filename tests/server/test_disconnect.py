@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 from starlette.requests import Request
+
 from thinknav_server.disconnect import ClientGone, while_connected
 
 

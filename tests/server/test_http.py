@@ -9,6 +9,7 @@ import httpx
 import numpy as np
 import pytest
 import simplejpeg
+
 from thinknav_models import HashedWords
 from thinknav_proto import (
     CONTENT_TYPE,

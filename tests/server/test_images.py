@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 from PIL import Image
+
 from thinknav_proto import Frame, InvalidRequest
 from thinknav_server.images import decode_frame, frame_of_file, frame_size
 

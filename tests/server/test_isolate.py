@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+
 from thinknav_proto import PlannerError, PlannerFailed, Unavailable
 from thinknav_server.planners import Plan, PlanItem, PlannerIdentity
 from thinknav_server.planners.isolate import plan_each

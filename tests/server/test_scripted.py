@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+
 from thinknav_proto import PlannerFailed
 from thinknav_server.planners import Plan, PlanItem, Script, ScriptedPlanner, load_script
 

@@ -4,6 +4,7 @@ import socket
 from pathlib import Path
 
 import pytest
+
 from thinknav_server.server import bind, write_atomically
 
 

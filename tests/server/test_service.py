@@ -6,6 +6,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pytest
+
 from thinknav_models import EmbeddingSpace, HashedWords
 from thinknav_proto import (
     EmbedRequest,

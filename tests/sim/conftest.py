@@ -5,6 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from thinknav_sim.render import Renderer, make_renderer
 from thinknav_sim.scene import Box, ObjectInstance, Scene
 

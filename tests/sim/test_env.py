@@ -10,6 +10,7 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.utils.env_checker import check_env
 from gymnasium.vector import VectorEnv
+
 from thinknav_sim.env import ENV_ID, ObjectNavEnv
 from thinknav_sim.episodes import Episode, make_episodes
 from thinknav_sim.navigation import NavigationGrid

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from thinknav_sim.episodes import Episode, EpisodeError, make_episodes, split_by_category
 from thinknav_sim.navigation import NavigationGrid
 from thinknav_sim.render import Renderer

@@ -6,6 +6,7 @@ from typing import Literal
 
 import numpy as np
 import pytest
+
 from thinknav_sim.episodes import Episode, make_episodes
 from thinknav_sim.follower import ShortestPathFollower
 from thinknav_sim.homes import generate_home

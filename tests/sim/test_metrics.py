@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+
 from thinknav_sim.metrics import path_efficiency, soft_spl, spl
 
 LENGTH = st.floats(0.0, 100.0)

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from thinknav_sim.observations import compass, gps, normalize_depth, observation_space
 from thinknav_sim.task_config import ObjectNavConfig
 

@@ -2,6 +2,7 @@
 
 import pytest
 from pydantic import ValidationError
+
 from thinknav_sim.task_config import Action, ObjectNavConfig
 
 

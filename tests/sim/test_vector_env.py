@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
+
 from thinknav_sim.episodes import Episode, EpisodeError
 from thinknav_sim.scene import GOAL_CATEGORIES, Scene, SceneError
 from thinknav_sim.task_config import Action, ObjectNavConfig

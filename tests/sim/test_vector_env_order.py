@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+
 from thinknav_sim.episodes import Episode, make_episodes
 from thinknav_sim.navigation import NavigationGrid
 from thinknav_sim.render import Renderer

@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+
 from thinknav_proto import PlannerError, SubgoalReply, SubgoalRequest
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.config import TrainConfig, load_config

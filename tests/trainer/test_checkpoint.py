@@ -3,6 +3,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+
 from thinknav_trainer.checkpoint import Checkpoint, CheckpointError
 
 ACTIONS = ("stop", "move_forward", "turn_left", "turn_right", "think")

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 import torch
+
+from tests.trainer.conftest import MakeThinkingEnv
 from thinknav_sim.task_config import Action
 from thinknav_trainer.actor import NO_ACTION, Actor
 from thinknav_trainer.collector import Collector
 from thinknav_trainer.config import PPOConfig, TrainConfig
 from thinknav_trainer.policy import ObservationShape, Policy
 from thinknav_trainer.thinking import ThinkingEnv
-
-from tests.trainer.conftest import MakeThinkingEnv
 
 CONFIG = PPOConfig(num_steps=12, chunk_length=4, precision="float32")
 

@@ -1,6 +1,7 @@
 from pathlib import Path
 
 import pytest
+
 from thinknav_trainer.config import ConfigError, load_config, parse_config, presets
 
 

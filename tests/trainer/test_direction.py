@@ -1,4 +1,5 @@
 import pytest
+
 from thinknav_sim.task_config import Action
 from thinknav_trainer.direction import subgoal_direction
 

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from thinknav_proto import PlannerFailed, SubgoalReply, Unavailable
 from thinknav_trainer.patience import Patience
 from thinknav_trainer.planner import SubgoalRequest, encode_frame, reply_to

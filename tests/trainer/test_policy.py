@@ -1,6 +1,7 @@
 """The network: shapes, priors, and that a sequence is the same as its steps."""
 
 import torch
+
 from thinknav_sim.task_config import Action
 from thinknav_trainer.config import PolicyConfig
 from thinknav_trainer.policy import ObservationShape, Policy, Sequences, prepare

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import torch
+
 from thinknav_trainer.config import PolicyConfig, PPOConfig
 from thinknav_trainer.policy import ObservationShape, Policy
 from thinknav_trainer.ppo import PPO, TrainingDiverged

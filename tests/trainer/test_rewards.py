@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from thinknav_trainer.config import ThinkConfig
 from thinknav_trainer.rewards import REWARD_SCHEMES, ThinkStep
 

@@ -2,6 +2,7 @@ import json
 from pathlib import Path
 
 import pytest
+
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.config import load_config
 from thinknav_trainer.run import (

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+
 from thinknav_trainer.statistics import bootstrap_interval
 
 

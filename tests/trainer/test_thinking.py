@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
+from tests.trainer.conftest import MakeThinkingEnv
 from thinknav_models import HashedWords
 from thinknav_proto import PlannerFailed, SubgoalRequest, Unavailable
 from thinknav_sim.observations import Observations
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
 from thinknav_trainer.thinking import ThinkingEnv, task_description
-
-from tests.trainer.conftest import MakeThinkingEnv
 
 STOP, FORWARD, LEFT, RIGHT, THINK = Action
 

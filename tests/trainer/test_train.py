@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 import torch
+
 from thinknav_proto import Unavailable
 from thinknav_trainer.checkpoint import Checkpoint, CheckpointError
 from thinknav_trainer.config import TrainConfig, change_config

@@ -11,6 +11,7 @@ from torch import Tensor
 
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.precision import Precision, autocast
+from thinknav_trainer.threads import torch_threads
 
 NO_ACTION = -1
 
@@ -65,7 +66,8 @@ class Actor:
         self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
         tensors = {name: torch.from_numpy(values) for name, values in observations.items()}
-        with autocast(self._precision):
+        # The products of one step are small: a second thread would cost more in waiting than it gives.
+        with autocast(self._precision), torch_threads(1):
             return self._policy.step(tensors, previous, hidden)
 
     def state_dict(self) -> dict[str, Any]:

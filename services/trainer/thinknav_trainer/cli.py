@@ -12,11 +12,11 @@ import typer
 from rich.console import Console
 from rich.logging import RichHandler
 from rich.table import Table
+
 from thinknav_proto import PlannerError
 from thinknav_sim.episodes import EpisodeError
 from thinknav_sim.render import RendererUnavailable
 from thinknav_sim.scene import SceneError
-
 from thinknav_trainer.checkpoint import CheckpointError
 from thinknav_trainer.config import ConfigError, change_config, load_config, presets
 from thinknav_trainer.demo import run_demo
@@ -132,8 +132,7 @@ def main() -> None:
     except USAGE_ERRORS as error:
         _fail(error, 2)
     except FAILURES as error:
-        # A planner that is not there is a matter of starting one: the user's to mend.
-        _fail(error, 2 if isinstance(error, PlannerError) else 1)
+        _fail(error, 1)
     except KeyboardInterrupt:
         _fail(KeyboardInterrupt("interrupted"), 130)
 

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from thinknav_sim.observations import Observations
 from torch import Tensor
 
+from thinknav_sim.observations import Observations
 from thinknav_trainer.actor import Actor, Decision
 from thinknav_trainer.config import PPOConfig
 from thinknav_trainer.rollout import Rollout, cut_sequences, generalized_advantages

@@ -12,8 +12,8 @@ from typing import Any, Literal
 
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
-from thinknav_sim.task_config import ObjectNavConfig
 
+from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_trainer.precision import Precision
 
 

@@ -11,10 +11,10 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from thinknav_sim.episodes import Episode
 from thinknav_sim.scene import Scene
 from thinknav_sim.vector_env import ObjectNavVectorEnv
-
 from thinknav_trainer.actor import Actor
 from thinknav_trainer.config import TrainConfig
 from thinknav_trainer.interrupt import Interruption

@@ -9,10 +9,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import torch
-from thinknav_sim.scene import GOAL_CATEGORIES
-from thinknav_sim.task_config import Action
 from torch import Tensor, nn
 
+from thinknav_sim.scene import GOAL_CATEGORIES
+from thinknav_sim.task_config import Action
 from thinknav_trainer.config import PolicyConfig
 
 EMBEDDING_SIZE = 32  # of goal, compass, gps and previous action, as in Habitat

@@ -10,7 +10,6 @@ from thinknav_sim.homes import generate_home, home_seed
 from thinknav_sim.navigation import NavigationGrid
 from thinknav_sim.render import Renderer, make_renderer
 from thinknav_sim.scene import Scene
-
 from thinknav_trainer.config import TrainConfig
 
 

@@ -17,12 +17,12 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+
 from thinknav_proto import SubgoalReply, SubgoalRequest
 from thinknav_sim.observations import Observations
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
-
 from thinknav_trainer.config import ThinkConfig
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.patience import Patience

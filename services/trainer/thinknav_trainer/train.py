@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 import torch
+
 from thinknav_sim.render import set_render_threads
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
-
 from thinknav_trainer.actor import Actor
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.collector import Collector

@@ -8,7 +8,7 @@ from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.config import ConfigError, TrainConfig, parse_config
 from thinknav_trainer.evaluate import EpisodeRecord, evaluate, write_evaluation
 from thinknav_trainer.interrupt import Interruption
-from thinknav_trainer.planner import PlannerClient, connect
+from thinknav_trainer.planner import PlannerClient, PlannerError, connect
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.run import Run, RunError, newest_checkpoint, read_config
 from thinknav_trainer.scenes import Homes, make_homes
@@ -23,10 +23,16 @@ FIXED = ("seed", "num_envs", "scenes", "env", "policy")
 
 
 def connect_if_thinking(config: TrainConfig, stack: ExitStack) -> PlannerClient | None:
-    """The planner that a configuration needs, closed with the stack; None for a policy that never thinks."""
+    """The planner that a configuration needs, closed with the stack; None for a policy that never thinks.
+
+    Raises ConfigError when it cannot be used: which planner there is, is the user's to say.
+    """
     if config.think.strategy == "never":
         return None
-    return stack.enter_context(connect(config.planner))
+    try:
+        return stack.enter_context(connect(config.planner))
+    except PlannerError as error:
+        raise ConfigError(str(error)) from None
 
 
 def train_run(
@@ -90,7 +96,7 @@ def evaluate_checkpoint(
             "split": split,
             "episodes": len(records),
             "actions": "greedy" if greedy else "sampled",
-            "planner": None if planner is None else planner.info.planner,
+            "planner": None if planner is None else planner.info.identity,
             "config": config.model_dump(mode="json"),
         }
         if records:

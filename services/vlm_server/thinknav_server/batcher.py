@@ -40,10 +40,8 @@ class _Job(Generic[Item, Result]):
 class Batcher(Generic[Item, Result]):
     """An async context manager; `submit` works inside it.
 
-    work: called in the worker thread with 1 to max_batch items; gives one result, or a PlannerError, for
-    each.
-    max_wait: seconds an item may wait for others, while the worker is idle. queue_size: items that wait at
-    most.
+    work: called in the worker thread with 1 to max_batch items; gives one result, or a PlannerError, for each.
+    max_wait: seconds an item may wait for others, while the worker is idle. queue_size: items that wait at most.
     """
 
     def __init__(
@@ -93,8 +91,7 @@ class Batcher(Generic[Item, Result]):
     async def submit(self, item: Item, deadline: float) -> Batched[Result]:
         """The item's result, within `deadline` seconds.
 
-        Cancelling it frees the item's place. Raises Unavailable, Overloaded, DeadlineExceeded, or the item's
-        error.
+        Cancelling it frees the item's place. Raises Unavailable, Overloaded, DeadlineExceeded, or the item's error.
         """
         self._admit(deadline)
         job: _Job[Item, Result] = _Job(item, asyncio.get_running_loop().create_future())
@@ -119,8 +116,7 @@ class Batcher(Generic[Item, Result]):
         retry_after = max(expected, _SHORTEST_RETRY_S)
         if len(self._waiting) >= self._queue_size:
             raise Overloaded(f"{len(self._waiting)} requests are waiting, the queue is full", retry_after)
-        # With less than a batch waiting it is admitted in any case, or one slow batch would shut the door for
-        # good.
+        # With less than a batch waiting it is admitted in any case, or one slow batch would shut the door for good.
         if full_batches and expected > deadline:
             raise Overloaded(f"the queue needs {expected:.1f} s, the deadline is {deadline:g} s", retry_after)
 

@@ -1,10 +1,10 @@
 """ASGI middleware that stops reading a body once it is longer than the service accepts.
 
-It trusts no Content-Length: it counts what arrives, so that a body never fills the memory before it is
-refused.
+It trusts no Content-Length: it counts what arrives, so that a body never fills the memory before it is refused.
 """
 
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
 from thinknav_proto import InvalidRequest
 
 

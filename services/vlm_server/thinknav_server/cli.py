@@ -9,12 +9,12 @@ from typing import Annotated
 
 import typer
 from pydantic import ValidationError
+
 from thinknav_models import HashedWords
 from thinknav_proto import describe
-
 from thinknav_server.http import create_app
 from thinknav_server.planners import Planner, Script, ScriptedPlanner, load_script
-from thinknav_server.server import bind, run
+from thinknav_server.server import bind, run, stop_at_end_of_input
 from thinknav_server.service import PlanningService
 from thinknav_server.settings import Settings
 
@@ -61,6 +61,7 @@ def serve(
     max_wait: Annotated[float, typer.Option(min=0, help="Seconds that a request waits for others.")] = 0.0,
     queue_size: Annotated[int, typer.Option(min=1, help="Requests that wait at most; more are refused.")] = 256,
     announce: Annotated[Path | None, typer.Option(help="File to write the URL to, once it is served.")] = None,
+    until_eof: Annotated[bool, typer.Option("--until-eof", help="Stop when standard input ends.")] = False,
     log_level: Annotated[LogLevel, typer.Option(help="How much the log tells.")] = LogLevel.INFO,
 ) -> None:
     """Serve subgoals until stopped by Ctrl+C or SIGTERM.
@@ -69,6 +70,8 @@ def serve(
     """
     for signal_number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(signal_number, _leave)
+    if until_eof:
+        stop_at_end_of_input()
     logging.basicConfig(level=log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     try:
         settings = Settings(max_batch=max_batch, max_wait=max_wait, queue_size=queue_size)

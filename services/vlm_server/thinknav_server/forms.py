@@ -8,8 +8,8 @@
 from pydantic import ValidationError
 from starlette.datastructures import FormData, UploadFile
 from starlette.requests import Request
-from thinknav_proto import InvalidRequest, Limits, PlannerError, SubgoalRequest, describe
 
+from thinknav_proto import InvalidRequest, Limits, PlannerError, SubgoalRequest, describe
 from thinknav_server.images import frame_of_file
 
 _TEXT_FIELDS = ("goal", "mode")

@@ -16,6 +16,7 @@ from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
+
 from thinknav_proto import (
     CONTENT_TYPE,
     EmbedRequest,
@@ -27,7 +28,6 @@ from thinknav_proto import (
     decode_requests,
     describe,
 )
-
 from thinknav_server.body_limit import BodyLimit
 from thinknav_server.disconnect import ClientGone, while_connected
 from thinknav_server.forms import read_form

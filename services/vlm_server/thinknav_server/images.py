@@ -10,6 +10,7 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 from PIL import Image
+
 from thinknav_proto import Frame, InvalidRequest
 
 _JPEG_START = b"\xff\xd8\xff"

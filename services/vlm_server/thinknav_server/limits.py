@@ -6,7 +6,6 @@ The length of a body is checked while it arrives, in `body_limit`; this module s
 from collections.abc import Sequence
 
 from thinknav_proto import EmbedRequest, InvalidRequest, Limits, SubgoalRequest
-
 from thinknav_server.images import frame_size
 
 

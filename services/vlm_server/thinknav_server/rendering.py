@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
+
 from thinknav_proto import (
     CONTENT_TYPE,
     PROTOCOL_VERSION,

@@ -7,7 +7,10 @@ import contextlib
 import ipaddress
 import logging
 import os
+import signal
 import socket
+import sys
+import threading
 from pathlib import Path
 
 import typer
@@ -18,8 +21,7 @@ logger = logging.getLogger(__name__)
 
 # Seconds that requests in progress are given to end when the service is told to stop.
 GRACE_S = 10
-# Longer than clients keep idle connections (httpx: 5 s), so that none is closed just as its client uses it
-# again.
+# Longer than clients keep idle connections (httpx: 5 s), so that none is closed just as its client uses it again.
 KEEP_ALIVE_S = 30
 
 
@@ -63,6 +65,17 @@ def run(app: ASGIApp, listener: socket.socket, announce: Path | None, what: str)
     finally:
         if announce:
             announce.unlink(missing_ok=True)
+
+
+def stop_at_end_of_input() -> None:
+    """Stop this process, as SIGTERM does, when standard input ends: whoever holds its other end has died or let go."""
+
+    def watch() -> None:
+        while os.read(sys.stdin.fileno(), 1024):
+            pass
+        os.kill(os.getpid(), signal.SIGTERM)
+
+    threading.Thread(target=watch, name="until-eof", daemon=True).start()
 
 
 class _Server(uvicorn.Server):

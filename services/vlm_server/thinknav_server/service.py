@@ -11,6 +11,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+
 from thinknav_models import TextEncoder
 from thinknav_proto import (
     EMBEDDING_DIMENSION,
@@ -23,7 +24,6 @@ from thinknav_proto import (
     SubgoalRequest,
     Timings,
 )
-
 from thinknav_server.batcher import Batcher
 from thinknav_server.images import decode_frame
 from thinknav_server.limits import admit, admit_texts, check_frame_count

@@ -3,6 +3,7 @@
 from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
+
 from thinknav_proto import Limits
 
 DEFAULT_LIMITS = Limits(

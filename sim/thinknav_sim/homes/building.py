@@ -1,5 +1,7 @@
 """The building itself: floors, ceilings, walls with their openings, windows, and an outer shell that closes it."""
 
+import itertools
+
 import numpy as np
 
 from thinknav_sim.homes import materials as mat
@@ -10,10 +12,11 @@ from thinknav_sim.homes.materials import Style
 from thinknav_sim.homes.mesh import Color, Floats, Mesh, Point, grid, quads
 from thinknav_sim.homes.walls import ROOM_HEIGHT_M, Wall, walls_of
 
-PLANK_WIDTH_M = 0.21
+PLANK_WIDTH_M = 0.24
 PLANK_LENGTH_M = 1.4
 TILE_M = 0.32
 CORNER_M = 0.4  # walls and ceilings are cut this far from corners, so that the darkening there shows
+LONG_M = 3.6  # longer faces are cut in the middle as well, so that the light of windows shows
 
 _CASING_DEPTH_M = 0.016
 _BASEBOARD_M = 0.08
@@ -61,9 +64,11 @@ def _middle(rect: Rect) -> Point:
 
 
 def _cuts(low: float, high: float, inner: float) -> list[float]:
-    """Where a face is cut: at its ends and `inner` from them."""
+    """Where a face is cut: at its ends, `inner` from them, and in the middle of a long one."""
     if high - low < 2.5 * inner:
         return [low, (low + high) / 2, high]
+    if high - low < LONG_M:
+        return [low, low + inner, high - inner, high]
     return [low, low + inner, (low + high) / 2, high - inner, high]
 
 
@@ -86,7 +91,7 @@ def _planks(rng: np.random.Generator, rect: Rect, color: Color) -> Mesh:
     u0, u1, v0, v1 = (x0, x1, z0, z1) if along_x else (z0, z1, x0, x1)
     rows = np.linspace(v0, v1, max(2, round((v1 - v0) / PLANK_WIDTH_M)) + 1)
     cells, tones = [], []
-    for row, (low, high) in enumerate(zip(rows[:-1], rows[1:], strict=True)):
+    for row, (low, high) in enumerate(itertools.pairwise(rows)):
         first = u0 - PLANK_LENGTH_M * ((row * 0.37) % 1.0)
         joints = np.arange(first, u1 + PLANK_LENGTH_M, PLANK_LENGTH_M / 2)
         tone = 1 + 0.16 * (rng.random(len(joints) // 2 + 1) - 0.5)

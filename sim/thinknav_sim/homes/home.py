@@ -20,15 +20,25 @@ _MAX_TRIES = 60
 # One random stream for each purpose, so that a change in one leaves the others as they were.
 _ROOMS, _PLAN, _STYLE, _BUILDING, _FURNITURE = range(5)
 
-# What a room should have to be what it is called; the first of each it must have.
-_WANTED = {
-    "bedroom": ("bed", "wardrobe"),
-    "bathroom": ("toilet", "sink"),
-    "living room": ("sofa", "tv_monitor", "table"),
-    "studio": ("bed", "sofa", "tv_monitor", "table"),
-    "study": ("desk", "shelf"),
-    "kitchen": ("counter", "fridge", "chair"),
-    "dining room": ("table", "chair"),
+# What a room must have to be what it is called, and what it should have besides. What these rooms must have gives every
+# home of three rooms or more a bed, a toilet, a sofa and a television: at least four of the goal categories.
+_NEEDED: dict[str, tuple[str, ...]] = {
+    "bedroom": ("bed",),
+    "bathroom": ("toilet",),
+    "living room": ("sofa", "tv_monitor"),
+    "studio": ("bed",),
+    "study": ("desk",),
+    "kitchen": ("counter",),
+    "dining room": ("table",),
+}
+_WANTED: dict[str, tuple[str, ...]] = {
+    "bedroom": ("wardrobe",),
+    "bathroom": ("sink",),
+    "living room": ("table",),
+    "studio": ("sofa", "tv_monitor", "table"),
+    "study": ("shelf",),
+    "kitchen": ("fridge", "chair"),
+    "dining room": ("chair",),
 }
 
 
@@ -40,8 +50,9 @@ def generate_home(seed: int, rooms: int | None = None) -> Scene:
     """A furnished home, the same for the same arguments on every machine.
 
     seed: 0 or more; see `splits.home_seed` for which seeds are whose.
-    rooms: how many, 1 to 8; None draws 3 to 6 by the seed.
-    Raises ValueError for a seed or a number of rooms out of range.
+    rooms: how many, 1 to 8; None draws 3 to 6 by the seed, and is the same home as asking for that number.
+    Raises ValueError for a seed or a number of rooms out of range; LayoutError or HomeError, which no seed is known to
+    cause, when a home cannot be planned or furnished.
     """
     if seed < 0:
         raise ValueError(f"a home's seed must be 0 or more, not {seed}")
@@ -57,18 +68,19 @@ def generate_home(seed: int, rooms: int | None = None) -> Scene:
 
 def _furnished(seed: int, plan: FloorPlan, index: int, style: Style) -> RoomSpace:
     """One room furnished, again from the start while it lacks something that such rooms have."""
-    wanted = _WANTED.get(plan.rooms[index].function, ())
+    function = plan.rooms[index].function
+    needed, wanted = _NEEDED.get(function, ()), _WANTED.get(function, ())
     best: tuple[int, RoomSpace] | None = None
     for attempt in range(_MAX_TRIES):
         space = RoomSpace(plan, index)
         furnish(space, stream(seed, _FURNITURE, len(plan.rooms), index, attempt), style)
-        if not wanted or space.count(wanted[0]):
+        if all(space.count(category) for category in needed):
             found = sum(space.count(category) > 0 for category in wanted)
             if best is None or found > best[0]:
                 best = (found, space)
         if best is not None and (best[0] == len(wanted) or attempt + 1 >= _GOOD_TRIES):
             return best[1]
-    raise HomeError(f"home of seed {seed}: its {plan.rooms[index].function} has no place for a {wanted[0]}")
+    raise HomeError(f"home of seed {seed}: its {function} has no place for {' and '.join(needed)}")
 
 
 def _assemble(name: str, seed: int, plan: FloorPlan, style: Style, spaces: list[RoomSpace]) -> Scene:

@@ -42,9 +42,10 @@ class RoomLight:
         light = self._daylight(mesh.normals) + self._glow(mesh.vertices)
         light *= self._corners(mesh.vertices, mesh.normals) * self._contact(mesh.vertices, mesh.normals)
         lit = mesh.colors * light[:, None] * np.array(self.tint)
-        shining = (mesh.colors > _UNLIT).any(axis=1)
-        colors = np.where(shining[:, None], mesh.colors, lit)
-        return np.rint(np.clip(colors, 0.0, 1.0) * 255).astype(np.uint8)
+        shining = mesh.colors.max(axis=1) > _UNLIT
+        lit[shining] = mesh.colors[shining]
+        colors: NDArray[np.uint8] = np.rint(np.clip(lit, 0.0, 1.0) * 255).astype(np.uint8)
+        return colors
 
     def _daylight(self, normals: Floats) -> Floats:
         x, y, z = _direction(self.windows)

@@ -4,6 +4,7 @@ Knows nothing of furniture, rooms or light: a mesh carries surface colours (sRGB
 turns them into what a camera sees.
 """
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -109,12 +110,12 @@ def quads(corners: ArrayLike, colors: ArrayLike, toward: Point | None = None) ->
     shades = np.asarray(colors, dtype=np.float64)
     if shades.shape == (count, 3):
         shades = shades[:, None, :]
-    base = 4 * np.arange(count)[:, None]
+    first = 4 * np.arange(count, dtype=np.int32)[:, None]
     return Mesh(
         points.reshape(-1, 3),
         np.repeat(normals, 4, axis=0),
         np.broadcast_to(shades, (count, 4, 3)).reshape(-1, 3),
-        np.concatenate((base + (0, 1, 2), base + (0, 2, 3)), axis=1).reshape(-1, 3).astype(np.int32),
+        (first + np.array((0, 1, 2, 0, 2, 3), dtype=np.int32)).reshape(-1, 3),
     )
 
 
@@ -153,7 +154,10 @@ def panel(base: Point, size: Point, color: Color) -> Mesh:
 
 
 def cushion(base: Point, size: Point, color: Color, bevel: float = 0.04) -> Mesh:
-    """A box whose upper edges are cut off: cushions, mattresses, pillows. Arguments as for `box`."""
+    """A box whose upper edges are cut off, without a bottom since it lies on something: cushions, mattresses, pillows.
+
+    Arguments as for `box`.
+    """
     width, height, depth = size
     rim = np.array((width, height - bevel, depth))
     lower = _CUBE[:5] * rim
@@ -161,10 +165,7 @@ def cushion(base: Point, size: Point, color: Color, bevel: float = 0.04) -> Mesh
     upper = _CUBE[:5] * np.array((width, bevel, depth)) + np.array((0.0, height - bevel, 0.0))
     raised = upper[:, :, 1:2] > height - bevel / 2
     upper = np.where(raised, upper * inset, upper)
-    faces = np.concatenate((lower[:4], upper))
-    if base[1] > ON_FLOOR_M:
-        faces = np.concatenate((faces, _CUBE[5:] * rim))
-    return quads(faces + np.array(base), color)
+    return quads(np.concatenate((lower[:4], upper)) + np.array(base), color)
 
 
 def rod(start: Point, end: Point, thickness: float, color: Color) -> Mesh:
@@ -197,7 +198,7 @@ def revolve(
     """
     turns = [2 * math.pi * step / segments for step in range(segments)]
     circle = np.array([(math.cos(turn), math.sin(turn)) for turn in turns])
-    parts = [_band(circle, lower, upper, squash) for lower, upper in zip(profile[:-1], profile[1:], strict=True)]
+    parts = [_band(circle, lower, upper, squash) for lower, upper in itertools.pairwise(profile)]
     offsets = 2 * segments * np.arange(len(parts))
     vertices = np.concatenate([part[0] for part in parts]) + np.array(base)
     return Mesh(

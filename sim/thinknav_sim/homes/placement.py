@@ -7,7 +7,7 @@ reached from every other and every goal object still has free floor beside it. K
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,9 @@ DOOR_CLEARANCE_M = 0.8
 HEADROOM_M = 1.05  # what hangs higher is no obstacle
 SILL_SLACK_M = 0.3  # furniture may rise this far above a window's sill
 STEP_M = 0.03  # what is flatter (a rug) is no obstacle
+
+
+Where = Literal["any", "middle", "corner"]  # of a wall
 
 
 @dataclass(frozen=True)
@@ -161,12 +164,7 @@ class RoomSpace:
             return False
         if any(overlaps(a, b) for a in footprints for b in self._kept_clear):
             return False
-        spans = [
-            span
-            for piece, place in places
-            if piece.stands or piece.heights[0] > STEP_M
-            for span in self._spans(piece, place)
-        ]
+        spans = [span for piece, place in places for span in self._spans(piece, place)]
         if any(span.meets(other) for span in spans for other in self._windows + self._on_walls):
             return False
         goals = [place for piece, place in places if piece.category in GOAL_CATEGORIES]
@@ -180,30 +178,28 @@ class RoomSpace:
         return True
 
     def _spans(self, piece: Piece, place: Rect) -> Iterator[WallSpan]:
-        """The parts of walls that a piece hides."""
+        """The parts of walls that a piece hides; a rug hides none."""
+        if piece.heights[1] <= STEP_M:
+            return
         for wall in self.walls:
             along = 0 if wall.along_x else 1
             if min(abs(place[1 - along] - wall.line), abs(place[3 - along] - wall.line)) < 0.25:
                 yield WallSpan(wall.side, place[along], place[2 + along], *piece.heights)
 
-    def stand(self, arrangement: Arrangement, rng: np.random.Generator, where: str = "any", tries: int = 14) -> bool:
-        """Stand it with its back to a wall. where: "any", "middle" of a wall, or "corner" first."""
+    def stand(self, arrangement: Arrangement, rng: np.random.Generator, where: Where = "any", tries: int = 14) -> bool:
+        """Stand it with its back to a wall, `where` first; says whether one of so many tries found a place."""
         x0, z0, x1, z1 = arrangement.extent
-        half = (x1 - x0) / 2
-        spots: list[tuple[Wall, float]] = []
+        half = (x1 - x0) / 2 + WALL_GAP_M
+        spots: dict[Where, list[tuple[Wall, float]]] = {"any": [], "middle": [], "corner": []}
         for wall in shuffled(rng, self.walls):
-            low, high = wall.start + half + WALL_GAP_M, wall.end - half - WALL_GAP_M
+            low, high = wall.start + half, wall.end - half
             if high < low or wall.span < z1 - z0:
                 continue
-            corners = [(wall, low), (wall, high)]
-            middle = [(wall, (low + high) / 2)]
-            anywhere = [(wall, low + (high - low) * float(rng.random())) for _ in range(4)]
-            spots += {"corner": corners + anywhere, "middle": middle + anywhere, "any": anywhere + corners}[where]
-        if where == "corner":
-            spots.sort(
-                key=lambda spot: spot[1] not in (spot[0].start + half + WALL_GAP_M, spot[0].end - half - WALL_GAP_M)
-            )
-        for wall, t in spots[: max(tries, 4)]:
+            spots["corner"] += [(wall, low), (wall, high)]
+            spots["middle"].append((wall, (low + high) / 2))
+            spots["any"] += [(wall, low + (high - low) * float(rng.random())) for _ in range(4)]
+        second: Where = "corner" if where == "any" else "any"
+        for wall, t in (spots[where] + spots[second])[:tries]:
             center = t - self._side_offset(wall, (x0 + x1) / 2)
             x, z = wall.position(center, WALL_GAP_M - z0)
             if self.try_place(arrangement, x, z, wall.side):

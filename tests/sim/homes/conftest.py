@@ -1,6 +1,7 @@
 """Homes that several tests look at, generated once."""
 
 import pytest
+
 from thinknav_sim.homes import MAX_ROOMS, generate_home
 from thinknav_sim.scene import Scene
 

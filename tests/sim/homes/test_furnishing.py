@@ -3,12 +3,15 @@
 import itertools
 
 import numpy as np
+import pytest
+
+from thinknav_sim.homes.doors import EAST, WEST, Doorway, PlannedRoom
 from thinknav_sim.homes.draw import stream
 from thinknav_sim.homes.furniture.beds import bed
 from thinknav_sim.homes.layout import FloorPlan, draw_plan
 from thinknav_sim.homes.materials import Style
 from thinknav_sim.homes.mesh import box
-from thinknav_sim.homes.placement import RoomSpace, overlaps, single
+from thinknav_sim.homes.placement import Arrangement, RoomSpace, overlaps, single
 from thinknav_sim.scene import Box, ObjectInstance, Scene
 
 # A sink and a stove are let into the counter.
@@ -86,37 +89,47 @@ def test_chairs_stand_at_tables_or_alone(homes: list[Scene]) -> None:
     assert np.mean(seated) > 0.4
 
 
+def three_in_a_row(doors: bool) -> FloorPlan:
+    """A study of 4 x 4 m between a living room and a kitchen, with doorways to both or to none."""
+    functions = ("living room", "study", "kitchen")
+    rooms = tuple(PlannedRoom(name, (4.0 * i, 0.0, 4.0 * (i + 1), 4.0)) for i, name in enumerate(functions))
+    doorways = (Doorway((1, 0), WEST, 1.0), Doorway((1, 2), EAST, 2.0)) if doors else ()
+    return FloorPlan((0.0, 0.0, 12.0, 4.0), rooms, doorways, ())
+
+
+def cube(side: float) -> Arrangement:
+    return single("box", box((0, 0, 0), (side, 0.5, side), (1, 1, 1)))
+
+
 def test_doorways_stay_clear() -> None:
-    plan = draw_plan(stream(4), 5)
-    for index in range(5):
-        space = RoomSpace(plan, index)
-        for door in (door for door in plan.doorways if index in door.rooms):
-            wall = space.walls[door.side_of(index)]
-            x, z = wall.position((door.start + door.end) / 2, 0.4)
-            assert not space.try_place(single("box", box((0, 0, 0), (0.2, 0.5, 0.2), (1, 1, 1))), x, z, 0)
+    space = RoomSpace(three_in_a_row(doors=True), 1)
+    for z in (1.1, 1.45, 1.8):
+        assert not space.try_place(cube(0.1), 4.06 + 0.7, z, 0), "before the doorway"
+    assert space.try_place(cube(0.1), 4.06 + 0.7, 2.2, 0), "beside it"
+    assert RoomSpace(three_in_a_row(doors=False), 1).try_place(cube(0.1), 4.06 + 0.7, 1.1, 0)
 
 
-def has_opposite_doors(plan: FloorPlan, room: int) -> bool:
-    return {door.side_of(room) for door in plan.doorways if room in door.rooms} in ({0, 2}, {1, 3})
+@pytest.mark.parametrize("doors", [True, False])
+def test_placement_never_closes_the_way_between_doorways(doors: bool) -> None:
+    space = RoomSpace(three_in_a_row(doors), 1)
+    placed = [space.try_place(cube(0.44), 6.0, 0.3 + 0.48 * slot, 0) for slot in range(8)]
+    assert all(placed[:6])
+    assert all(placed) != doors
 
 
-def test_placement_refuses_what_would_block_the_way() -> None:
-    """A wall of boxes across a room with two doorways on opposite sides is never completed."""
-    candidates = (draw_plan(stream(seed), 6) for seed in range(50))
-    plan, index = next((plan, index) for plan in candidates for index in range(6) if has_opposite_doors(plan, index))
-    space = RoomSpace(plan, index)
-    x0, z0, x1, z1 = space.interior
-    cube = single("box", box((0, 0, 0), (0.38, 0.5, 0.38), (1, 1, 1)))
-    sides = [door.side_of(index) for door in plan.doorways if index in door.rooms]
-    across_x = sides[0] in (0, 2)
-    placed = 0
-    length = x1 - x0 if across_x else z1 - z0
-    slots = int(length / 0.42)
-    for slot in range(slots):
-        along = 0.21 + slot * 0.42
-        x, z = (x0 + along, (z0 + z1) / 2) if across_x else ((x0 + x1) / 2, z0 + along)
-        placed += space.try_place(cube, x, z, 0)
-    assert 0 < placed < slots
+def test_placement_never_walls_in_a_goal() -> None:
+    space = RoomSpace(three_in_a_row(doors=True), 1)
+    assert space.try_place(single("chair", cube(0.4).pieces[0].mesh), 6.0, 3.7, 0)
+    around = [(5.25, 3.5), (5.25, 2.7), (6.0, 2.7), (6.75, 2.7), (6.75, 3.5)]
+    placed = [space.try_place(cube(0.7), x, z, 0) for x, z in around]
+    assert placed == [True, True, True, True, False]
+
+
+def test_overlapping_furniture_is_refused() -> None:
+    space = RoomSpace(three_in_a_row(doors=True), 1)
+    assert space.try_place(cube(0.5), 6.0, 2.0, 0)
+    assert not space.try_place(cube(0.5), 6.4, 2.0, 0)
+    assert len(space.pieces) == 1
 
 
 def test_a_bed_needs_its_room() -> None:
@@ -124,9 +137,8 @@ def test_a_bed_needs_its_room() -> None:
     bathroom = next(index for index, room in enumerate(plan.rooms) if room.function == "bathroom")
     rng = stream(0)
     wide = single("bed", bed(rng, Style.draw(rng), 1.6))
-    x0, z0, x1, z1 = plan.rooms[bathroom].interior
     space = RoomSpace(plan, bathroom)
-    assert not space.try_place(wide, x1 + 0.1, z0, 0), "through the wall"
+    assert not space.try_place(wide, space.interior[2] + 0.1, space.interior[1], 0), "through the wall"
     assert space.pieces == []
 
 

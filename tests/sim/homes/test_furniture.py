@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+
 from thinknav_sim.homes.draw import stream
 from thinknav_sim.homes.furniture import bathroom, beds, decor, electronics, kitchen, plants, seats, storage, tables
 from thinknav_sim.homes.materials import Style

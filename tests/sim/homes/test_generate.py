@@ -5,11 +5,12 @@ import hashlib
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from thinknav_sim.homes import MAX_ROOMS, generate_home
+
+from thinknav_sim.homes import MAX_ROOMS, HomeError, generate_home
 from thinknav_sim.scene import GOAL_CATEGORIES, Scene
 
 GOLDEN_HOME = (7, 3)
-GOLDEN_HASH = "to be filled"
+GOLDEN_HASH = "b1bb89e46b6b98c4"
 
 
 def digest(scene: Scene) -> str:
@@ -50,6 +51,11 @@ def test_rooms_asked_for_are_built() -> None:
     assert [len(generate_home(50, rooms).rooms) for rooms in (1, 4, 8)] == [1, 4, 8]
 
 
+def test_rooms_by_the_seed_are_the_same_home_as_rooms_by_number() -> None:
+    drawn = generate_home(6)
+    assert digest(drawn) == digest(generate_home(6, len(drawn.rooms)))
+
+
 def test_usual_homes_have_three_to_six_rooms(homes: list[Scene]) -> None:
     counts = {len(home.rooms) for home in homes if home.name.count("-") == 1}
     assert counts == {3, 4, 5, 6}
@@ -62,6 +68,12 @@ def test_goals_in_homes(homes: list[Scene]) -> None:
         assert len(present) >= (4 if len(home.rooms) >= 3 else 2), home.name
         assert ("toilet" in present) == ("bathroom" in functions), home.name
         assert "bed" in present, home.name
+
+
+def test_homes_that_cannot_be_furnished_say_what_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("thinknav_sim.homes.home.furnish", lambda space, rng, style: None)
+    with pytest.raises(HomeError, match="home of seed 3: its living room has no place for sofa and tv_monitor"):
+        generate_home(3, 4)
 
 
 def test_goals_stand_in_their_rooms(homes: list[Scene]) -> None:

@@ -4,6 +4,7 @@ import functools
 
 import numpy as np
 import pytest
+
 from thinknav_sim.homes.doors import DOOR_WIDTH_M, WALL_M, Rect
 from thinknav_sim.homes.draw import stream
 from thinknav_sim.homes.layout import AREAS, MAX_ROOMS, FloorPlan, draw_plan

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from thinknav_sim.homes import SEEDS, Split, home_seed
 
 

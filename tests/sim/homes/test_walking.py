@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from scipy import ndimage
+
 from thinknav_sim.scene import GOAL_CATEGORIES, ObjectInstance, Scene
 
 RADIUS_M = 0.18
@@ -27,7 +28,8 @@ class Floor:
         low, high = instance.box.low, instance.box.high
         dx = np.maximum(np.maximum(low[0] - self.x, self.x - high[0]), 0)
         dz = np.maximum(np.maximum(low[2] - self.z, self.z - high[2]), 0)
-        return np.hypot(dx[:, None], dz[None, :])
+        away: NDArray[np.float64] = np.hypot(dx[:, None], dz[None, :])
+        return away
 
 
 def surface_points(scene: Scene) -> NDArray[np.float64]:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from thinknav_sim.navigation import NavigationGrid, distance_field, distances_at, shortest_path
 from thinknav_sim.render import Renderer
 from thinknav_sim.scene import Scene

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+
 from thinknav_sim.navigation import Goal, NavigationGrid, distances_at, find_goal
 from thinknav_sim.navigation.visibility import surface_points
 from thinknav_sim.render import Renderer

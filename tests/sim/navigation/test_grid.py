@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+
 from thinknav_sim.navigation import NavigationGrid
 from thinknav_sim.render import Renderer
 from thinknav_sim.scene import Scene, SceneError

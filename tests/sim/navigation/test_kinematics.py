@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from thinknav_sim.navigation import GridTable, NavigationGrid
 from thinknav_sim.navigation.kinematics import walk, wrap
 from thinknav_sim.render import Renderer

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import pytest
+
 from thinknav_sim.render import EmbreeRenderer, Open3DRenderer, Renderer
 from thinknav_sim.scene import Scene
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
+
 from thinknav_sim.render import Camera, EmbreeRenderer, Open3DRenderer, Renderer
 from thinknav_sim.scene import Scene
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from thinknav_sim.render import NOTHING_DEPTH, Camera, Renderer
 from thinknav_sim.scene import Scene
 

@@ -6,6 +6,7 @@ from typing import Any
 import numba
 import numpy as np
 import pytest
+
 from thinknav_sim.render import Camera, EmbreeRenderer, Renderer
 from thinknav_sim.scene import Scene
 

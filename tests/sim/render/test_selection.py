@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+
 from thinknav_sim.render import (
     Camera,
     EmbreeRenderer,

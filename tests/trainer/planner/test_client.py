@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+
 from thinknav_models import HashedWords
 from thinknav_proto import EmbedReply, EmbedRequest
 from thinknav_trainer.planner import (

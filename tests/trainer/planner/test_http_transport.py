@@ -5,9 +5,10 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-import msgpack  # type: ignore[import-untyped]
+import msgpack
 import numpy as np
 import pytest
+
 from thinknav_proto import CONTENT_TYPE, Overloaded, encode_error, encode_info
 from thinknav_trainer.planner import (
     MOCK_INFO,

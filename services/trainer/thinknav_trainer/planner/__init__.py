@@ -21,7 +21,6 @@ from thinknav_proto import (
     Unauthenticated,
     Unavailable,
 )
-
 from thinknav_trainer.planner.client import Counts, PlannerClient
 from thinknav_trainer.planner.connect import connect
 from thinknav_trainer.planner.frames import encode_frame

@@ -1,5 +1,4 @@
-"""The planner as the trainer sees it: questions in, one answer or error for each, and nothing raised on the
-way.
+"""The planner as the trainer sees it: questions in, one answer or error for each, and nothing raised on the way.
 
 Knows the contract and the service's limits; how bodies travel is the transport's concern.
 """
@@ -12,6 +11,7 @@ from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
+
 from thinknav_proto import (
     EMBEDDING_DIMENSION,
     EmbedRequest,
@@ -22,7 +22,6 @@ from thinknav_proto import (
     SubgoalReply,
     SubgoalRequest,
 )
-
 from thinknav_trainer.planner.transport import Transport
 
 # Room in a body for all but the frames: ids, goals and the map around them.

@@ -6,7 +6,6 @@ from concurrent.futures import Future
 from typing import TypeVar
 
 from thinknav_proto import PROTOCOL_VERSION, DeadlineExceeded, ProtocolMismatch, Unavailable
-
 from thinknav_trainer.planner.client import PlannerClient
 from thinknav_trainer.planner.http_transport import HttpTransport
 

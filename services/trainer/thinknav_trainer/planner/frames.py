@@ -5,6 +5,7 @@ from typing import Literal
 import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
+
 from thinknav_proto import Frame
 
 JPEG_QUALITY = 90
@@ -13,8 +14,7 @@ JPEG_QUALITY = 90
 def encode_frame(rgb: NDArray[np.uint8], encoding: Literal["jpeg", "raw"] = "jpeg", heading: float = 0.0) -> Frame:
     """The frame of an image (H, W, 3) uint8: JPEG at quality 90, or the pixels as they are.
 
-    heading: radians, counter-clockwise, relative to the request's own frame. Raises ValueError for another
-    shape.
+    heading: radians, counter-clockwise, relative to the request's own frame. Raises ValueError for another shape.
     """
     if encoding == "raw":
         return Frame.raw(rgb, heading)

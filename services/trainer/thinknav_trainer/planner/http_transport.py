@@ -6,6 +6,7 @@ Knows URLs, timeouts and status codes; what the answers mean is for the client.
 from collections.abc import Sequence
 
 import httpx
+
 from thinknav_proto import (
     CONTENT_TYPE,
     DeadlineExceeded,

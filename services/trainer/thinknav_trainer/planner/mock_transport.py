@@ -46,8 +46,7 @@ class MockTransport:
     handler: gives a reply, a PlannerError (returned or raised), or the text of a subgoal, which the
     hashed-words encoder embeds. Any other exception reaches whoever asked.
     latency: seconds, or a function of the request that gives them. A body takes as long as its slowest
-    request, as in a service that answers them side by side; a request slower than its deadline gets
-    DeadlineExceeded.
+    request, as in a service that answers them side by side; a request slower than its deadline gets DeadlineExceeded.
     sleep: what waits; a test may put its own clock here.
     """
 

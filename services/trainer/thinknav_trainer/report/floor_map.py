@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, ImageDraw
 from scipy import ndimage
+
 from thinknav_sim.navigation import NavigationGrid
 from thinknav_sim.render import Renderer
 from thinknav_sim.scene import Scene

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
-from thinknav_sim.render import make_renderer
 
+from thinknav_sim.render import make_renderer
 from thinknav_trainer.evaluate import EpisodeRecord, read_evaluation
 from thinknav_trainer.report.curves import draw_curve, panels
 from thinknav_trainer.report.floor_map import draw_floor_map, draw_path
@@ -42,7 +42,7 @@ def write_report(folder: Path) -> Path:
         curves=[draw_curve(metrics, panel) for panel in panels(metrics)],
         columns=[_column(result) for result, _ in evaluations],
         rows=ROWS,
-        planner=evaluations[-1][0]["protocol"]["planner"],
+        planner=(evaluations[-1][0]["protocol"]["planner"] or "").partition("@")[0],
         steps=int(metrics[-1]["steps"]),
         thoughts=metrics[-1],
         episode=chosen,

@@ -8,9 +8,9 @@ from pathlib import Path
 import av
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
+
 from thinknav_sim.render import Camera, Renderer
 from thinknav_sim.scene import Scene
-
 from thinknav_trainer.report.floor_map import FloorMap, draw_path
 
 VIEW_PIXELS = 384

@@ -4,7 +4,6 @@ import logging
 from collections.abc import Sequence
 
 from thinknav_proto import PlannerError, PlannerFailed
-
 from thinknav_server.planners.base import Plan, PlanItem, Planner
 
 logger = logging.getLogger(__name__)
@@ -14,8 +13,7 @@ def plan_each(planner: Planner, items: Sequence[PlanItem]) -> list[Plan | Planne
     """One answer for each item, whatever the planner does.
 
     A batch that raises is halved until the culprits are found. The search is bounded, for a planner that is
-    wholly
-    broken would otherwise be asked twice for each item: when it gives up, what it has not yet settled has
+    wholly broken would otherwise be asked twice for each item: when it gives up, what it has not yet settled has
     failed.
     """
     answers: list[Plan | PlannerError] = [PlannerFailed("the planner keeps failing") for _ in items]

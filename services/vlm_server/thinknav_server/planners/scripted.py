@@ -14,8 +14,8 @@ from typing import Annotated
 
 import yaml
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, ValidationError
-from thinknav_proto import PlannerError, PlannerFailed, describe
 
+from thinknav_proto import PlannerError, PlannerFailed, describe
 from thinknav_server.planners.base import Plan, PlanItem, PlannerIdentity
 
 PLAN_LENGTH = 4
@@ -85,11 +85,9 @@ def load_script(path: Path) -> Script:
 
 
 class ScriptedPlanner:
-    """Says what the script says, chosen by a hash of the frame's pixels and the goal; ignores the
-    temperature.
+    """Says what the script says, chosen by a hash of the frame's pixels and the goal; ignores the temperature.
 
-    latency: seconds that each batch takes. failure_rate: share of items that fail, drawn in order from
-    `seed`.
+    latency: seconds that each batch takes. failure_rate: share of items that fail, drawn in order from `seed`.
     """
 
     def __init__(

@@ -13,9 +13,8 @@ def toilet(rng: np.random.Generator, style: Style) -> Mesh:
     """Bowl, seat with its lid up or down, and a tank; or a bowl hung on a boxed-in cistern."""
     hung = chance(rng, 0.3)
     bowl_z = 0.44
-    rim = ((0.0, 0.0), (0.13, 0.0), (0.12, 0.12), (0.19, 0.30), (0.2, 0.36))
-    if hung:
-        rim = ((0.0, 0.12), (0.12, 0.14), (0.18, 0.26), (0.2, 0.36))
+    foot = ((0.0, 0.12), (0.12, 0.14), (0.18, 0.26)) if hung else ((0.0, 0.0), (0.13, 0.0), (0.12, 0.12), (0.19, 0.30))
+    rim = (*foot, (0.2, 0.36))
     bowl = revolve((0, 0.03, bowl_z), rim, CERAMIC, 10, (0.95, 1.2))
     parts = [bowl, box((0, 0.14, 0.24), (0.24, 0.22, 0.22), CERAMIC)]
     opened = chance(rng, 0.5)

@@ -25,7 +25,7 @@ def bed(rng: np.random.Generator, style: Style, width: float) -> Mesh:
     blanket = length - fold
     parts += [cushion((0, 0.24, fold + blanket / 2 + 0.07), (width + 0.02, top - 0.21, blanket), cover, 0.05)]
     parts += [cushion((0, top - 0.02, fold + 0.10), (width + 0.02, 0.07, 0.24), shade(WHITE, 0.97), 0.02)]
-    if chance(rng, 0.65):
+    if chance(rng, 0.8):
         parts += [cushion((0, 0.25, length - 0.35), (width + 0.04, top - 0.20, 0.5), throw, 0.05)]
     parts += _pillows(rng, style, width, top)
     return join(parts)

@@ -39,7 +39,7 @@ def floor_lamp(rng: np.random.Generator, style: Style) -> Mesh:
 def table_lamp(rng: np.random.Generator, style: Style) -> Mesh:
     """A lamp of 0.4 m for a nightstand or a desk."""
     foot = pick_varied(rng, (style.pot, style.accents[0], STEEL))
-    base = revolve((0, 0, 0.1), ((0.06, 0.0), (0.075, 0.08), (0.02, 0.17), (0.02, 0.22)), foot, 6)
+    base = revolve((0, 0, 0.1), ((0.06, 0.0), (0.075, 0.09), (0.02, 0.22)), foot, 6)
     return join([base, revolve((0, 0.21, 0.1), ((0.1, 0.0), (0.065, 0.15)), LAMP_GLOW, 7)])
 
 

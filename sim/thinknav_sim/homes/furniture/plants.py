@@ -14,8 +14,8 @@ def _pot(rng: np.random.Generator, style: Style, radius: float, height: float) -
     color = pick_varied(rng, (style.pot, *POTS))
     shape = pick(rng, (0.72, 0.85, 1.0))
     profile = ((radius * shape, 0.0), (radius, height), (radius * 0.86, height), (radius * 0.86, height - 0.03))
-    soil = revolve((0, height - 0.03, radius), ((radius * 0.86, 0.0), (0.0, 0.005)), SOIL, 8)
-    return [revolve((0, 0, radius), profile, color, 8), soil]
+    soil = revolve((0, height - 0.03, radius), ((radius * 0.86, 0.0), (0.0, 0.005)), SOIL, 7)
+    return [revolve((0, 0, radius), profile, color, 7), soil]
 
 
 def _crown(
@@ -68,9 +68,9 @@ def _tree(rng: np.random.Generator, style: Style) -> Mesh:
         *_pot(rng, style, radius, height),
         rod((0, height - 0.03, radius), (0.02, top, radius), 0.045, (0.42, 0.30, 0.20)),
     ]
-    clumps = ((0.0, 0.12, 0.0, 0.20), (-0.11, -0.02, 0.06, 0.15), (0.11, 0.02, -0.04, 0.15), (0.02, 0.28, 0.03, 0.13))
+    clumps = ((0.0, 0.12, 0.0, 0.20), (-0.11, -0.02, 0.06, 0.15), (0.11, 0.04, -0.04, 0.16))
     for x, y, z, size in clumps:
-        parts.append(ellipsoid((x, top + y, radius + z), (size, size * 0.9, size), varied(rng, green, 0.12), 7))
+        parts.append(ellipsoid((x, top + y, radius + z), (size, size * 0.9, size), varied(rng, green, 0.12), 6))
     parts += _crown(rng, (0.0, top + 0.1, radius), 9, 0.28, 0.3, green)
     return _backed(join(parts))
 

@@ -61,7 +61,7 @@ def office_chair(rng: np.random.Generator, style: Style) -> Mesh:
         turn = 2 * math.pi * step / 5
         tip = (0.27 * math.sin(turn), 0.05, middle + 0.27 * math.cos(turn))
         arms.append(rod((0, 0.09, middle), tip, 0.045, DARK_METAL))
-        arms.append(box((tip[0], 0.0, tip[2]), (0.05, 0.07, 0.05), BLACK))
+        arms.append(rod((tip[0], 0.0, tip[2]), (tip[0], 0.07, tip[2]), 0.05, BLACK))
     post = cylinder((0, 0.07, middle), 0.03, 0.36, style.metal, 6)
     seat = cushion((0, 0.42, middle), (0.50, 0.09, 0.48), cloth, 0.03)
     back = cushion((0, 0.58, 0.08), (0.45, 0.48, 0.08), shade(cloth, 0.95), 0.03)
@@ -102,10 +102,10 @@ def sofa(rng: np.random.Generator, style: Style, places: int) -> Mesh:
         cushion((0, rise, 0.10), (inner, back_height - rise, 0.2), shade(cloth, 0.92), 0.05),
     ]
     arm_height = between(rng, 0.56, 0.64) - rise
-    for x in (-1, 1):
-        parts.append(cushion((x * (inner + arm) / 2, rise, depth / 2), (arm, arm_height, depth), shade(cloth, 0.95)))
+    for side in (-1, 1):
+        parts.append(cushion((side * (inner + arm) / 2, rise, depth / 2), (arm, arm_height, depth), shade(cloth, 0.95)))
         parts += [
-            box((x * (width / 2 - 0.07), 0, z), (0.05, rise, 0.05), shade(style.wood, 0.7))
+            box((side * (width / 2 - 0.07), 0, z), (0.05, rise, 0.05), shade(style.wood, 0.7))
             for z in (0.08, depth - 0.08)
         ]
     for index in range(places):

@@ -53,7 +53,7 @@ def sideboard(rng: np.random.Generator, style: Style, width: float, height: floa
 def bookshelf(rng: np.random.Generator, style: Style, width: float) -> Mesh:
     """An open shelf, its boards filled with books and a few other things."""
     wood = pick_varied(rng, (style.wood, style.light_wood, WHITE))
-    height, depth, boards = between(rng, 1.6, 2.05), 0.3, pick(rng, (4, 5))
+    height, depth, boards = between(rng, 1.5, 1.95), 0.3, 4
     rise = (height - 0.06) / boards
     parts = [box((x * (width / 2 - 0.015), 0, depth / 2), (0.03, height, depth), wood) for x in (-1, 1)]
     parts += [box((0, 0.04, 0.01), (width - 0.06, height - 0.04, 0.02), shade(wood, 0.7))]
@@ -91,7 +91,7 @@ def books(
     x, y, z = start
     end = x + span
     while x < end - 0.03:
-        thick = min(between(rng, 0.04, 0.08), end - x)
+        thick = min(between(rng, 0.045, 0.1), end - x)
         size = (thick - 0.003, height * between(rng, 0.85, 1.0), depth)
         parts.append(panel((x + thick / 2, y, z), size, pick_varied(rng, BOOKS)))
         x += thick
