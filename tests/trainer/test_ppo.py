@@ -1,5 +1,7 @@
 """The learner on a problem small enough to solve, and its guards."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 import torch
@@ -83,6 +85,43 @@ def test_a_loss_that_is_not_finite_stops_it() -> None:
     changed = [not torch.equal(a, b) for a, b in zip(before, ppo.policy.parameters(), strict=True)]
     # A minibatch without the bad transition may have gone before; a NaN never reaches the weights.
     assert all(torch.isfinite(parameter).all() for parameter in ppo.policy.parameters()), changed
+
+
+def test_sequences_of_any_length_are_compared_with_their_own_actions() -> None:
+    """Without an update every ratio is one, whatever the sequences' lengths and order."""
+    ppo = learner(CONFIG.model_copy(update={"epochs": 1, "minibatches": 1}))
+    made = bandit_rollout(ppo, 0)
+    lengths = np.array([5, 1, 9, 16, 2, 16, 15])
+    assert lengths.sum() == len(made)
+    starts = np.cumsum(lengths) - lengths
+    log_probs, values = torch.empty(len(made)), torch.empty(len(made))
+    with torch.no_grad():
+        for start, length in zip(starts, lengths, strict=True):
+            hidden = ppo.policy.initial_hidden(1)
+            for t in range(start, start + length):
+                seen = {name: value[t : t + 1] for name, value in made.observations.items()}
+                logits, value, hidden = ppo.policy.step(seen, made.previous_actions[t : t + 1], hidden)
+                log_probs[t], values[t] = logits.log_softmax(1)[0, made.actions[t]], value[0]
+    rollout = dataclasses.replace(
+        made,
+        log_probs=log_probs,
+        values=values,
+        returns=values,
+        sequence_starts=starts,
+        sequence_lengths=lengths,
+        sequence_hidden=ppo.policy.initial_hidden(len(lengths)),
+    )
+    losses = ppo.update(rollout)
+    assert losses["approximate_kl"] == pytest.approx(0, abs=1e-9)
+    assert losses["value_loss"] == pytest.approx(0, abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("ratio", "advantage", "loss"), [(1.5, 1.0, -1.2), (0.5, 1.0, -0.5), (1.5, -1.0, 1.5), (0.5, -1.0, 0.8)]
+)
+def test_the_ratio_is_clipped_only_where_that_is_pessimistic(ratio: float, advantage: float, loss: float) -> None:
+    found = learner()._policy_loss(torch.tensor([ratio]), torch.tensor([advantage]))
+    assert found.item() == pytest.approx(loss)
 
 
 def test_value_clipping_limits_the_change() -> None:

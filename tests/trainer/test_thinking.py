@@ -218,6 +218,16 @@ def test_episode_ends_sum_their_terms(thinking_env: MakeThinkingEnv) -> None:
     assert set(step.ended[0].terms) == {"slack", "progress", "success", "think_cost", "agreement"}
 
 
+def test_the_next_episode_counts_from_nothing(thinking_env: MakeThinkingEnv) -> None:
+    env = thinking_env(say("turn left"))
+    env.reset()
+    env.step(act(THINK, LEFT))
+    env.step(act(STOP, LEFT))
+    (second,) = env.step(act(STOP, LEFT)).ended
+    assert second.terms["think_cost"] == 0
+    assert second.terms["slack"] == pytest.approx(-1e-3)
+
+
 def test_state_is_whole(thinking_env: MakeThinkingEnv) -> None:
     one, other = thinking_env(say("turn right"), reward="paper"), thinking_env(say("turn right"), reward="paper")
     one.reset()

@@ -9,12 +9,13 @@ import torch
 from thinknav_proto import Unavailable
 from thinknav_trainer.checkpoint import Checkpoint, CheckpointError
 from thinknav_trainer.config import TrainConfig, change_config
-from thinknav_trainer.evaluate import evaluate, read_evaluation, summarize, write_evaluation
+from thinknav_trainer.evaluate import evaluate, is_of_own_share, read_evaluation, summarize, write_evaluation
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import MockTransport, PlannerClient
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.run import Run, list_checkpoints, read_metrics
 from thinknav_trainer.scenes import Homes
+from thinknav_trainer.thinking import EpisodeEnd
 from thinknav_trainer.train import observation_shape, train
 
 
@@ -113,3 +114,9 @@ def test_evaluation_plays_every_episode_once(tmp_path: Path, smoke: TrainConfig,
     assert [record.measures for record in read] == [record.measures for record in records]
     assert result["summary"] == summarize(records)
     assert result["summary"]["steps"]["mean"] == pytest.approx(sum(len(r.path) for r in records) / 7)
+
+
+def test_only_the_env_that_an_episode_was_dealt_to_counts() -> None:
+    ends = [EpisodeEnd(env, episode, {}, {}) for env in range(3) for episode in range(7)]
+    dealt = [(end.env, end.episode_index) for end in ends if is_of_own_share(end, 3)]
+    assert dealt == [(0, 0), (0, 3), (0, 6), (1, 1), (1, 4), (2, 2), (2, 5)]

@@ -121,11 +121,13 @@ def print_summary(title: str, records: list[EpisodeRecord]) -> None:
 
 def main() -> None:
     """Entry point of the command: errors become one line on stderr."""
-    logging.basicConfig(
-        level=logging.INFO,
-        format="%(message)s",
-        handlers=[RichHandler(console=Console(stderr=True), show_path=False, show_level=True)],
-    )
+    console = Console(stderr=True)
+    if console.is_terminal:
+        logging.basicConfig(
+            level=logging.INFO, format="%(message)s", handlers=[RichHandler(console=console, show_path=False)]
+        )
+    else:
+        logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
     logging.getLogger("httpx").setLevel(logging.WARNING)
     try:
         app()

@@ -79,15 +79,22 @@ def evaluate(
             _note(tracks, poses, step.thoughts)
             for end in step.ended:
                 track, tracks[end.env] = tracks[end.env], _Track()
-                # An env that is through with its share plays on in others'; only the share's own env counts, else
-                # whoever ends an episode first, the shorter attempt, would.
-                if end.episode_index % count == end.env:
+                if is_of_own_share(end, count):
                     records.setdefault(end.episode_index, _record(episodes[end.episode_index], end, track))
             actor.advance(decision, step.terminated | step.truncated)
             observations = step.observations
             bar.update(len(records))
     vector_env.close()
     return [records[index] for index in sorted(records)]
+
+
+def is_of_own_share(end: EpisodeEnd, count: int) -> bool:
+    """Whether an episode was played by the env (of `count`) that it was dealt to.
+
+    An env that is through with its share plays on in the others'. If such attempts counted, whichever attempt ended
+    first would, and that is the shorter one.
+    """
+    return end.episode_index % count == end.env
 
 
 def _note(tracks: list[_Track], poses: NDArray[np.float64], thoughts: Sequence[Thought]) -> None:

@@ -55,12 +55,12 @@ def write_report(folder: Path) -> Path:
 
 
 def choose_episode(records: Sequence[EpisodeRecord]) -> EpisodeRecord:
-    """One that shows something: a success with a long way to the goal, else the nearest miss."""
+    """One that shows something: found, with thoughts on the way and a long one; else the nearest miss."""
 
-    def worth(record: EpisodeRecord) -> tuple[float, float]:
+    def worth(record: EpisodeRecord) -> tuple[bool, bool, float]:
         measures = record.measures
-        way = measures["shortest_path_length"]
-        return measures["success"], way if measures["success"] else -measures["distance_to_goal"]
+        found = bool(measures["success"])
+        return found, bool(record.thoughts), measures["shortest_path_length" if found else "soft_spl"]
 
     return max(records, key=worth)
 
