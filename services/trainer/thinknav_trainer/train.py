@@ -5,6 +5,7 @@
 
 import dataclasses
 import logging
+import math
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.actor import Actor
 from thinknav_trainer.checkpoint import Checkpoint
-from thinknav_trainer.collector import Collector
+from thinknav_trainer.collector import RECENT_EPISODES, Collector
 from thinknav_trainer.config import TrainConfig
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import PlannerClient
@@ -44,6 +45,7 @@ class Session:
     collector: Collector
     planner: PlannerClient | None
     steps: int = 0
+    warned_of_short_episodes: bool = False
 
 
 def train(
@@ -143,12 +145,21 @@ def summarize(session: Session, losses: dict[str, float], transitions: int) -> d
     metrics |= {f"thoughts/{name}": float(value) for name, value in vars(session.env.counts).items()}
     metrics["steps_per_s"] = transitions / sum(seconds.values())
     metrics["episodes"] = session.collector.episodes_ended
-    if metrics.get("episode_steps", np.inf) < SHORT_EPISODE_STEPS and len(session.collector.recent) >= 50:
-        logger.warning(
-            "episodes last %.0f steps: the policy stops at once (see policy.stop_bias)",
-            metrics["episode_steps"],
-        )
+    _warn_of_short_episodes(session, metrics)
     return metrics
+
+
+def _warn_of_short_episodes(session: Session, metrics: dict[str, float]) -> None:
+    """Once a run: a policy that stops at once earns nothing, and may never learn otherwise."""
+    steps = metrics.get("episode_steps", math.inf)
+    full = len(session.collector.recent) == RECENT_EPISODES
+    if full and steps < SHORT_EPISODE_STEPS and not session.warned_of_short_episodes:
+        session.warned_of_short_episodes = True
+        logger.warning(
+            "the last %d episodes lasted %.0f steps: the policy stops at once; if that goes on, see policy.stop_bias",
+            RECENT_EPISODES,
+            steps,
+        )
 
 
 def episode_means(episodes: Iterable[EpisodeEnd]) -> dict[str, float]:
