@@ -83,8 +83,9 @@ def evaluate(
     """Evaluate a checkpoint on every episode of a split."""
     with interruption() as interrupted:
         folder, records = evaluate_checkpoint(checkpoint, split, interrupted, planner, greedy, output)
-    print_summary(f"{split} episodes of {checkpoint}", records)
-    Console().print(f"result: {folder / 'result.json'}", soft_wrap=True)
+    if not interrupted.requested:
+        print_summary(f"{split} episodes of {checkpoint}", records)
+        Console().print(f"result: {folder / 'result.json'}", soft_wrap=True)
     raise typer.Exit(interrupted.exit_code)
 
 
@@ -111,8 +112,6 @@ def demo(
 
 def print_summary(title: str, records: list[EpisodeRecord]) -> None:
     """A table for people: mean and 95 % interval over episodes."""
-    if not records:
-        return
     table = Table("measure", "mean", "95 % interval", title=f"{len(records)} {title}", title_justify="left")
     for name, row in summarize(records).items():
         table.add_row(name, f"{row['mean']:.3f}", f"{row['low']:.3f} to {row['high']:.3f}")

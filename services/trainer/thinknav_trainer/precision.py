@@ -10,7 +10,8 @@ Precision = Literal["auto", "float32", "bfloat16"]
 
 def bfloat16_is_fast() -> bool:
     """Whether this processor multiplies bfloat16 natively (AVX-512 BF16, AMX)."""
-    return bool(torch.cpu._is_avx512_bf16_supported())
+    check = getattr(torch.cpu, "_is_avx512_bf16_supported", None)  # not in every torch from 2.6 on
+    return check is not None and bool(check())
 
 
 def autocast(precision: Precision) -> AbstractContextManager[Any]:

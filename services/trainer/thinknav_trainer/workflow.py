@@ -75,7 +75,10 @@ def evaluate_checkpoint(
     output: Path | None = None,
     homes: Homes | None = None,
 ) -> tuple[Path, list[EpisodeRecord]]:
-    """Play a split with a checkpoint's policy: the folder of the result, and the records."""
+    """Play a split with a checkpoint's policy: the folder of the result, and the records.
+
+    When the user interrupts, nothing is written: part of a split is biased towards short episodes.
+    """
     if split not in SPLITS:
         raise ConfigError(f"there is no split {split!r}; there are {' and '.join(SPLITS)}")
     checkpoint = Checkpoint.load(path)
@@ -99,6 +102,6 @@ def evaluate_checkpoint(
             "planner": None if planner is None else planner.info.identity,
             "config": config.model_dump(mode="json"),
         }
-        if records:
+        if not interrupted.requested:
             write_evaluation(folder, protocol, records)
     return folder, records

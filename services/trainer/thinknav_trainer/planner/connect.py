@@ -9,7 +9,7 @@ from thinknav_proto import PROTOCOL_VERSION, DeadlineExceeded, ProtocolMismatch,
 from thinknav_trainer.planner.client import PlannerClient
 from thinknav_trainer.planner.http_transport import HttpTransport
 
-HANDSHAKE_S = 10.0
+HANDSHAKE_S = 6.0  # so that a command that finds no planner has said so within ten seconds
 
 T = TypeVar("T")
 
