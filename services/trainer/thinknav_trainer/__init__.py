@@ -1,4 +1,4 @@
-"""ThinkNav's trainer: policy, learner, the think action, the planner's client, evaluation and the `thinknav` command."""
+"""The trainer of ThinkNav: policy, learner, the think action, the client of planners, evaluation, the command."""
 
 import os
 
