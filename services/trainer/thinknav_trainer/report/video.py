@@ -56,7 +56,7 @@ def _frames(played: Played, renderer: Renderer, floor_map: FloorMap) -> Iterator
         caption = f"find a {played.category.replace('_', ' ')}    step {step}"
         if step == len(played.path) - 1:
             caption += f"    {played.ending}"
-        image = _compose(Image.fromarray(rgb[0]), above, caption, f"thought: {subgoal}" if subgoal else "")
+        image = _compose(Image.fromarray(rgb[0]), above, caption, f"last thought: {subgoal}" if subgoal else "")
         yield image
     renderer.remove_scene(scene_id)
     for _ in range(FRAMES_PER_SECOND * LAST_FRAME_SECONDS):
