@@ -64,17 +64,22 @@ def rank_homes(indices: Sequence[int], rooms: int | None, config: ObjectNavConfi
     return sorted(ranked, key=lambda candidate: (candidate.complexity, candidate.index))
 
 
+def check_is_free(folder: Path) -> None:
+    """Raises EpisodeError for a folder that has something in it: old content files would be read with the new."""
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise EpisodeError(f"{folder} is there already, and not an empty folder; give another --output")
+
+
 def write_episodes(
     candidates: Sequence[Candidate], keep: int, wanted: EpisodesWanted, config: ObjectNavConfig, folder: Path
 ) -> dict[str, HabitatDataset]:
     """Make episodes in the first `keep` of ranked homes, split them by category, and write both splits.
 
-    The folder, which must be new or empty, gets `{split}/{split}.json.gz` with `content/` beside it for train and
+    The folder (see `check_is_free`) gets `{split}/{split}.json.gz` with `content/` beside it for train and
     held_out, and homes.json: every candidate, and which were taken.
     Returns the splits by name. Raises EpisodeError.
     """
-    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
-        raise EpisodeError(f"{folder} is there already and not an empty folder; give another --output")
+    check_is_free(folder)
     renderer = make_renderer()
     episodes: list[Episode] = []
     goals: dict[str, SceneGoals] = {}

@@ -11,7 +11,7 @@ from rich.table import Table
 from thinknav_sim.habitat import from_habitat, read_dataset
 from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_trainer.config import ConfigError
-from thinknav_trainer.simple_homes import EpisodesWanted, rank_homes, write_episodes
+from thinknav_trainer.simple_homes import EpisodesWanted, check_is_free, rank_homes, write_episodes
 
 app = typer.Typer(help="Make and check files of episodes, in Habitat's ObjectNav format.", no_args_is_help=True)
 
@@ -33,6 +33,7 @@ def make(
         raise ConfigError(f"--homes {homes} cannot be chosen among {among}; make --among at least {homes}")
     if not 0 < min_distance < max_distance:
         raise ConfigError(f"--min-distance {min_distance} must be positive and below --max-distance {max_distance}")
+    check_is_free(output)
     config = ObjectNavConfig()
     ranked = rank_homes(range(first_home, first_home + among), rooms, config)
     wanted = EpisodesWanted(episodes, held_out, min_distance, max_distance)

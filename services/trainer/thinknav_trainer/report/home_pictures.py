@@ -17,10 +17,13 @@ from thinknav_trainer.report.floor_map import GOAL_COLOR, FloorMap, draw_floor_m
 
 VIEWS = 4
 _VIEW_CAMERA = Camera(width=768, height=576, hfov=90.0, elevation=1.5)
-_GLANCE_CAMERA = Camera(width=32, height=24, hfov=90.0, elevation=1.5)
 _SPOTS, _HEADINGS = 24, 16
 _FAR_M = 6.0  # what lies farther makes a view no better
+_ANOTHER_WAY = 0.75  # the cosine of about 40 degrees
 _TEXT_COLOR = (20, 20, 20)
+
+# Where one can stand in a room, (K, 3), and the ids of the objects in it.
+_Room = tuple[NDArray[np.float64], NDArray[np.int64]]
 
 
 def write_home_pictures(scene: Scene, folder: Path) -> list[Path]:
@@ -58,50 +61,71 @@ def draw_plan(scene: Scene, floor_map: FloorMap) -> Image.Image:
 
 
 def _label(draw: ImageDraw.ImageDraw, corner: tuple[float, float], text: str, size: int) -> None:
-    draw.text(
-        corner, text, fill=_TEXT_COLOR, font=ImageFont.load_default(size), stroke_width=2, stroke_fill=(255, 255, 255)
-    )
+    """Text from a corner on, or as far to the left of it as the picture's edge demands."""
+    font = ImageFont.load_default(size)
+    x = min(corner[0], draw.im.size[0] - draw.textlength(text, font) - 4)
+    draw.text((x, corner[1]), text, fill=_TEXT_COLOR, font=font, stroke_width=2, stroke_fill=(255, 255, 255))
 
 
 def draw_views(scene: Scene, renderer: Renderer, grid: NavigationGrid) -> list[Image.Image]:
-    """Four views from inside: of the largest rooms in turn, each from where and to where one sees farthest."""
-    areas = _room_places(scene, grid)
+    """Four views from inside: of the rooms that hold most, in turn, each from where most of it can be seen."""
+    rooms = _fullest_rooms(scene, grid)
     scene_id = renderer.add_scene(scene)
     try:
-        ranked = [_ranked_poses(renderer, scene_id, area) for area in areas]
-        poses = [_another(ranked[view % len(ranked)], view // len(ranked)) for view in range(VIEWS)]
+        ranked = [_ranked_poses(scene, renderer, scene_id, places, contents) for places, contents in rooms]
+        poses: list[NDArray[np.float64]] = []
+        for view in range(VIEWS):
+            room = view % len(ranked)
+            poses.append(_another(ranked[room], poses[room :: len(ranked)]))
         frames, _ = renderer.render(np.full(VIEWS, scene_id, np.int64), np.array(poses), _VIEW_CAMERA)
     finally:
         renderer.remove_scene(scene_id)
     return [Image.fromarray(frame) for frame in frames]
 
 
-def _room_places(scene: Scene, grid: NavigationGrid) -> list[NDArray[np.float64]]:
-    """The navigable places (K, 3) of each of the largest rooms, or of the whole where rooms are not known."""
+def _fullest_rooms(scene: Scene, grid: NavigationGrid) -> list[_Room]:
+    """The navigable places (K, 3) and object ids of the rooms that hold most; the whole where rooms are not known."""
     places = grid.positions(*np.nonzero(grid.navigable))
-    x, z = places[:, 0], places[:, 2]
-    rooms = [
-        places[(x >= x0) & (x <= x1) & (z >= z0) & (z <= z1)] for x0, z0, x1, z1 in (r.bounds for r in scene.rooms)
-    ]
-    return sorted((room for room in rooms if len(room)), key=len, reverse=True)[:VIEWS] or [places]
+    centers = np.array([instance.box.center for instance in scene.objects]).reshape(-1, 3)
+    rooms = [(places[_within(places, r.bounds)], np.flatnonzero(_within(centers, r.bounds))) for r in scene.rooms]
+    rooms = [room for room in rooms if len(room[0])] or [(places, np.arange(len(centers)))]
+    return sorted(rooms, key=lambda room: -len(room[1]))[:VIEWS]
 
 
-def _ranked_poses(renderer: Renderer, scene_id: int, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Poses (N, 4) at places all over a room, those that see farthest first."""
+def _within(points: NDArray[np.float64], bounds: tuple[float, float, float, float]) -> NDArray[np.bool_]:
+    x0, z0, x1, z1 = bounds
+    x, z = points[:, 0], points[:, 2]
+    inside: NDArray[np.bool_] = (x >= x0) & (x <= x1) & (z >= z0) & (z <= z1)
+    return inside
+
+
+def _ranked_poses(
+    scene: Scene, renderer: Renderer, scene_id: int, places: NDArray[np.float64], contents: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Poses (N, 4) at places all over a room, those that show most of its contents first, and then most of the room."""
     spots = places[np.linspace(0, len(places) - 1, _SPOTS).astype(np.int64)]
     headings = np.linspace(-np.pi, np.pi, _HEADINGS, endpoint=False)
     poses = np.column_stack([np.repeat(spots, _HEADINGS, axis=0), np.tile(headings, _SPOTS)])
-    _, depth = renderer.render(np.full(len(poses), scene_id, np.int64), poses, _GLANCE_CAMERA)
-    # A picture is as good as its nearer parts are far: a wall before one's nose spoils it.
-    seen = np.sqrt(np.minimum(depth, _FAR_M)).mean(axis=(1, 2, 3))
-    ranked: NDArray[np.float64] = poses[np.argsort(-seen, kind="stable")]
+    # A fan of rays below and about eye level stands for the picture.
+    across, down = np.meshgrid(np.linspace(-0.9, 0.9, 24), np.linspace(-0.6, 0.1, 8))
+    sine, cosine = np.sin(poses[:, 3, None]), np.cos(poses[:, 3, None])
+    right, up = across.ravel()[None], down.ravel()[None]
+    directions = np.stack([cosine * right - sine, up + 0 * sine, -sine * right - cosine], axis=-1)
+    origins = np.broadcast_to((poses[:, :3] + (0.0, _VIEW_CAMERA.elevation, 0.0))[:, None], directions.shape)
+    hits = renderer.cast(scene_id, *(rays.reshape(-1, 3).astype(np.float32) for rays in (origins, directions)))
+    owners = np.where(hits.triangle >= 0, scene.triangle_objects[hits.triangle], -1).reshape(len(poses), -1)
+    shown = (owners[:, :, None] == contents).any(axis=1).sum(axis=1)
+    # A wall before one's nose spoils a picture.
+    open_view = np.sqrt(np.minimum(hits.distance, _FAR_M)).reshape(len(poses), -1).mean(axis=1)
+    ranked: NDArray[np.float64] = poses[np.lexsort([-open_view, -shown])]
     return ranked
 
 
-def _another(ranked: NDArray[np.float64], number: int) -> NDArray[np.float64]:
-    """The best pose, or the best that looks at least a quarter turn away from the one before, and so on."""
-    best: NDArray[np.float64] = ranked[0]
-    for _ in range(number):
-        away = np.cos(ranked[:, 3] - best[3]) < 0.1
-        best = ranked[np.flatnonzero(away)[0]]
-    return best
+def _another(ranked: NDArray[np.float64], taken: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """The best pose that looks another way than those that were taken."""
+    for pose in ranked:
+        if all(np.cos(pose[3] - other[3]) < _ANOTHER_WAY for other in taken):
+            best: NDArray[np.float64] = pose
+            return best
+    first: NDArray[np.float64] = ranked[0]
+    return first
