@@ -80,8 +80,9 @@ def _explain(error: ValidationError, document: Any) -> str:
         where = f"episode {number} (id {episode['episode_id']!r})" if named else f"episode {number}"
         place = place[2:]
     field = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in place).lstrip(".")
-    more = f" (and {len(problems) - 1} more problems)" if len(problems) > 1 else ""
-    message = f"{first['msg'][0].lower()}{first['msg'][1:]}"
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    message = first["msg"].removeprefix("Value error, ")
+    message = f"{message[0].lower()}{message[1:]}"
     return f"{where}, field {field!r}: {message}{more}" if field else f"{where}: {message}{more}"
 
 
