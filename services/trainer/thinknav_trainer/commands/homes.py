@@ -7,6 +7,7 @@ import typer
 from rich.console import Console
 
 from thinknav_sim.homes import generate_home
+from thinknav_trainer.config import ConfigError
 
 app = typer.Typer(help="Look at procedural homes.", no_args_is_help=True)
 
@@ -25,6 +26,8 @@ def show(
     """Write the plan of a home, seen from above with its ceilings cut away, and four views of it, as PNG."""
     from thinknav_trainer.report.home_pictures import write_home_pictures
 
+    if output.exists() and not output.is_dir():
+        raise ConfigError(f"--output {output} is not a folder")
     scene = generate_home(seed, rooms)
     for path in write_home_pictures(scene, output):
         Console().print(str(path), soft_wrap=True)
