@@ -55,13 +55,13 @@ def make_episodes(
 
     Starts are uniform over the cells from which the walk to the goal's success zone is `min_distance` to `max_distance`
     long, headings uniform. The same arguments give the same episodes.
-    config: the task they are for . renderer: for lines of sight (one is made unless given).
+    config: the task they are for. renderer: for lines of sight (one is made unless given).
     Raises EpisodeError when no goal can be reached from such a distance.
     """
     if not 0 < min_distance < max_distance:
         raise ValueError(f"min_distance {min_distance} must be positive and less than max_distance {max_distance}")
     starts = {}
-    for goal in _goals(scene, grid, config, renderer or make_renderer()):
+    for goal in find_goals(scene, grid, config, renderer or make_renderer()):
         far_enough = (goal.distance >= min_distance) & (goal.distance <= max_distance) & grid.navigable
         if far_enough.any():
             starts[goal.category] = (goal, far_enough)
@@ -81,7 +81,8 @@ def make_episodes(
     return tuple(episodes)
 
 
-def _goals(scene: Scene, grid: NavigationGrid, config: ObjectNavConfig, renderer: Renderer) -> list[Goal]:
+def find_goals(scene: Scene, grid: NavigationGrid, config: ObjectNavConfig, renderer: Renderer) -> list[Goal]:
+    """The goal categories that a scene has objects of; their `objects` are none where none can be reached."""
     present = [category for category in GOAL_CATEGORIES if scene.objects_of(category)]
     scene_id = renderer.add_scene(scene)
     try:

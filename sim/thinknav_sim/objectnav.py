@@ -18,6 +18,8 @@ from thinknav_sim.task_config import ObjectNavConfig
 
 # A start farther than this from the floor stands on another one.
 _SAME_FLOOR_M = 0.5
+# Starts that another program drew may stand this far off our grid, a cell of its own; they are moved onto it.
+_START_TOLERANCE_M = 0.1
 
 
 @dataclass(frozen=True)
@@ -109,19 +111,21 @@ class ObjectNavWorld:
     def _start_pose(self, episode: Episode, scene_index: int) -> NDArray[np.float64]:
         grid = self.grid(scene_index)
         start = np.array(episode.start_position, np.float64)
-        if not np.isfinite([*start, episode.start_heading]).all() or not grid.is_navigable(start[None])[0]:
+        finite = bool(np.isfinite([*start, episode.start_heading]).all())
+        (snapped,), (moved,) = grid.snap(np.where(np.isfinite(start), start, 0.0)[None])
+        if not finite or moved > _START_TOLERANCE_M:
             raise EpisodeError(
                 f"episode {episode.episode_id!r} starts at {episode.start_position}, heading {episode.start_heading}, "
                 f"where an agent cannot stand in scene {episode.scene_name!r}"
             )
-        (row,), (col,) = grid.cells(start[None])
+        (row,), (col,) = grid.cells(snapped[None])
         floor = float(grid.floor[row, col])
         if abs(start[1] - floor) > _SAME_FLOOR_M:
             raise EpisodeError(
                 f"episode {episode.episode_id!r} starts at height {start[1]:.2f} m, but the floor of scene "
                 f"{episode.scene_name!r} that is played on is at {floor:.2f} m"
             )
-        return np.array([start[0], floor, start[2], episode.start_heading])
+        return np.array([snapped[0], floor, snapped[2], episode.start_heading])
 
     def grid(self, scene_index: int) -> NavigationGrid:
         """The navigation grid of a scene."""

@@ -318,3 +318,17 @@ def test_state_is_refused_by_another_env(make_env: MakeEnv) -> None:
         make_env(FAR, BED, num_envs=3).load_state_dict(env.state_dict())
     with pytest.raises(ValueError, match="of an env of 2 episodes; this one has 1"):
         make_env(FAR, num_envs=2).load_state_dict(env.state_dict())
+
+
+def test_a_start_a_little_off_the_grid_is_moved_onto_it(make_env: MakeEnv) -> None:
+    """As episodes of Habitat's may: its navigation mesh and our grid differ by less than a cell of 0.1 m."""
+    grid = make_env(FAR).grid(0)
+    rim = float(grid.origin[0] + np.nonzero(grid.navigable.any(axis=0))[0][0] * grid.cell)
+    env = make_env(replace(FAR, start_position=(rim - 0.04, 0.0, 2.0)), FAR)
+    observations, infos = env.reset()
+    assert grid.is_navigable(env.poses)[0]
+    assert env.poses[0, 0] == pytest.approx(rim + grid.cell / 2)
+    assert np.isfinite(infos["distance_to_goal"]).all()
+    np.testing.assert_allclose(observations["gps"], 0.0)
+    with pytest.raises(EpisodeError, match="where an agent cannot stand"):
+        make_env(replace(FAR, start_position=(rim - 0.14, 0.0, 2.0)))

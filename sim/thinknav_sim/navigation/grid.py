@@ -75,6 +75,39 @@ class NavigationGrid:
             )
         return cls(scene.name, low, cell, floor, labels)
 
+    @classmethod
+    def from_mask(
+        cls,
+        scene_name: str,
+        mask: NDArray[np.bool_],
+        origin: NDArray[np.float64],
+        cell: float,
+        floor_height: float = 0.0,
+        *,
+        refine: int = 1,
+        widen: float = 0.0,
+    ) -> "NavigationGrid":
+        """A grid that another program made, as Habitat-Sim's `get_topdown_view`, on a flat floor.
+
+        mask: (rows, cols) bool, whether one can stand at the centre of each cell. origin, cell: as the grid's.
+        refine: cells to make of each, along each axis; the rim is then drawn between the centres by linear
+        interpolation, without the mask's staircase. widen: metres to keep clear of the rim, for a body that is that
+        much wider than the one that the mask was made for.
+        Raises SceneError where nothing is navigable, ValueError for a mask or numbers that make no grid.
+        """
+        if mask.ndim != 2 or mask.dtype != np.bool_:
+            raise ValueError(f"a mask is bool of two axes, not {mask.dtype} of shape {mask.shape}")
+        if cell <= 0 or refine < 1 or widen < 0:
+            raise ValueError(f"cell {cell} must be positive, refine {refine} at least 1, widen {widen} not negative")
+        fine = mask if refine == 1 else _refined(mask, refine)
+        step = cell / refine
+        clearance = ndimage.distance_transform_edt(np.pad(fine, 1))[1:-1, 1:-1] * step
+        labels = _components(fine & (clearance >= widen))
+        if not labels.any():
+            raise SceneError(f"scene {scene_name!r}: no cell of the mask is navigable with {widen} m kept clear")
+        floor = np.where(fine, np.float32(floor_height), np.float32(np.nan)).astype(np.float32)
+        return cls(scene_name, np.asarray(origin, np.float64), step, floor, labels)
+
     @property
     def shape(self) -> tuple[int, int]:
         """Rows and columns."""
@@ -103,6 +136,26 @@ class NavigationGrid:
         rows, cols = self.cells(positions)
         inside = (rows >= 0) & (rows < self.shape[0]) & (cols >= 0) & (cols < self.shape[1])
         return inside & self.navigable[np.where(inside, rows, 0), np.where(inside, cols, 0)]
+
+    def snap(self, positions: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Move positions (N, 3) that are not navigable to the centre of the nearest cell that is.
+
+        Returns the positions (N, 3), those that are navigable unchanged, and how far each was moved over the floor
+        (N,), metres.
+        """
+        rows, cols = self.cells(positions)
+        rows, cols = np.clip(rows, 0, self.shape[0] - 1), np.clip(cols, 0, self.shape[1] - 1)
+        centers = self.positions(self._nearest[0, rows, cols], self._nearest[1, rows, cols])
+        snapped = np.where(self.is_navigable(positions)[:, None], positions, centers)
+        return snapped, np.hypot(*(snapped - positions)[:, [0, 2]].T)
+
+    @cached_property
+    def _nearest(self) -> NDArray[np.int32]:
+        """(2, rows, cols): row and column of the navigable cell that is nearest to each cell."""
+        nearest: NDArray[np.int32] = ndimage.distance_transform_edt(
+            ~self.navigable, return_distances=False, return_indices=True
+        )
+        return nearest
 
     def random_navigable(self, rng: np.random.Generator, n: int) -> NDArray[np.float64]:
         """(n, 3) float64 positions, uniform over the navigable floor."""
@@ -143,6 +196,13 @@ def _floor_heights(
         renderer.remove_scene(scene_id)
     heights = np.float32(level + max_climb) - drop
     return np.where(drop <= 2 * max_climb, heights, np.float32(np.nan)).astype(np.float32)
+
+
+def _refined(mask: NDArray[np.bool_], refine: int) -> NDArray[np.bool_]:
+    rows, cols = ((np.arange(size * refine) + 0.5) / refine - 0.5 for size in mask.shape)
+    points = np.meshgrid(rows, cols, indexing="ij")
+    between: NDArray[np.float64] = ndimage.map_coordinates(mask.astype(np.float64), points, order=1, mode="nearest")
+    return between >= 0.5
 
 
 def _components(standable: NDArray[np.bool_]) -> NDArray[np.int32]:

@@ -82,3 +82,60 @@ def test_a_scene_without_floor_is_refused(empty_room: Scene, renderer: Renderer)
 def test_lengths_must_be_positive(empty_room: Scene, renderer: Renderer) -> None:
     with pytest.raises(ValueError, match="must be positive"):
         NavigationGrid.from_scene(empty_room, renderer, cell=0.0)
+
+
+MASK = np.ones((6, 8), np.bool_)
+ORIGIN = np.array([10.0, -2.0])
+
+
+def test_a_mask_is_taken_as_it_is() -> None:
+    mask = MASK.copy()
+    mask[2, 3] = False
+    grid = NavigationGrid.from_mask("home", mask, ORIGIN, 0.1, floor_height=0.5)
+    np.testing.assert_array_equal(grid.navigable, mask)
+    assert grid.positions(np.array([1]), np.array([4])).tolist() == pytest.approx(np.array([[10.45, 0.5, -1.85]]))
+
+
+def test_refining_keeps_the_area_and_cuts_the_stairs() -> None:
+    mask = np.tri(20, dtype=np.bool_)
+    fine = NavigationGrid.from_mask("home", mask, ORIGIN, 0.1, refine=4)
+    assert (fine.cell, fine.shape) == (0.025, (80, 80))
+    rows, cols = np.nonzero(fine.navigable)
+    # The rim of a staircase between the centres of its cells is the straight line that they lie on.
+    inner = (rows >= 4) & (cols < 76)
+    assert (cols - rows)[inner].max() == 2
+    stairs = NavigationGrid.from_mask("home", np.kron(mask, np.ones((4, 4), np.bool_)), ORIGIN, 0.025)
+    assert (stairs.navigable & (np.indices((80, 80))[1] - np.indices((80, 80))[0] == 3)).any()
+    assert fine.navigable.mean() == pytest.approx(mask.mean(), abs=0.04)
+
+
+def test_widening_keeps_clear_of_the_rim() -> None:
+    widened = NavigationGrid.from_mask("home", MASK, ORIGIN, 0.1, widen=0.15)
+    expected = np.zeros_like(MASK)
+    expected[1:-1, 1:-1] = True
+    np.testing.assert_array_equal(widened.navigable, expected)
+
+
+@pytest.mark.parametrize(
+    ("mask", "arguments", "error", "complaint"),
+    [
+        (~MASK, {}, SceneError, "'home': no cell of the mask is navigable"),
+        (MASK, {"widen": 1.0}, SceneError, "with 1.0 m kept clear"),
+        (MASK.astype(np.uint8), {}, ValueError, "bool of two axes, not uint8"),
+        (MASK[0], {}, ValueError, r"not bool of shape \(8,\)"),
+        (MASK, {"refine": 0}, ValueError, "refine 0 at least 1"),
+    ],
+)
+def test_a_mask_that_makes_no_grid(mask, arguments, error, complaint: str) -> None:  # type: ignore[no-untyped-def]
+    with pytest.raises(error, match=complaint):
+        NavigationGrid.from_mask("home", mask, ORIGIN, 0.1, **arguments)
+
+
+def test_snapping_moves_what_is_off_to_the_nearest_cell() -> None:
+    mask = MASK.copy()
+    mask[:, :4] = False
+    grid = NavigationGrid.from_mask("home", mask, ORIGIN, 0.1, floor_height=0.5)
+    places = np.array([[10.47, 0.2, -1.85], [10.37, 0.2, -1.85], [9.0, 0.2, -1.85]])
+    snapped, moved = grid.snap(places)
+    np.testing.assert_allclose(snapped, [places[0], [10.45, 0.5, -1.85], [10.45, 0.5, -1.85]])
+    np.testing.assert_allclose(moved, [0.0, 0.08, 1.45])

@@ -1,0 +1,33 @@
+"""`thinknav homes`: look at procedural homes."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from thinknav_sim.homes import generate_home
+from thinknav_trainer.config import ConfigError
+
+app = typer.Typer(help="Look at procedural homes.", no_args_is_help=True)
+
+
+@app.callback()
+def _group() -> None:
+    """Keeps `show` a command of its own name while it is the only one."""
+
+
+@app.command()
+def show(
+    seed: Annotated[int, typer.Argument(min=0, help="of the home")],
+    rooms: Annotated[int | None, typer.Option(min=1, max=8, help="default: the seed decides, 3 to 6")] = None,
+    output: Annotated[Path, typer.Option(help="folder of the pictures")] = Path(),
+) -> None:
+    """Write the plan of a home, seen from above with its ceilings cut away, and four views of it, as PNG."""
+    from thinknav_trainer.report.home_pictures import write_home_pictures
+
+    if output.exists() and not output.is_dir():
+        raise ConfigError(f"--output {output} is not a folder")
+    scene = generate_home(seed, rooms)
+    for path in write_home_pictures(scene, output):
+        Console().print(str(path), soft_wrap=True)
