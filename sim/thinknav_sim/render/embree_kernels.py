@@ -23,8 +23,16 @@ _NO_GEOMETRY = -1
 _ALL_MASKS = -1
 _CACHE_LINE_BYTES = 64
 
-# The constant and the slopes in u and v of one colour channel over a triangle.
+# The constant and the slopes in u and v of one quantity (a colour channel, a texture coordinate) over a triangle.
 Channel = tuple[np.float32, np.float32, np.float32]
+# What the triangles of a scene look like: corner colours (T, 3, 3) uint8; corner texture coordinates (T, 3, 2) float32
+# and textures (T,) int32, both empty where nothing is textured; see `textures.pack_textures` for the rest.
+Surface = tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32], NDArray[np.int64], NDArray[np.uint8]]
+
+
+def surface_row(surface: Surface) -> list[int]:
+    """Addresses and lengths of a surface's arrays, in the order in which `draw_views` takes them."""
+    return [number for array in surface for number in (array.ctypes.data, len(array))]
 
 
 def packet_scratch(threads: int, packet_width: int) -> NDArray[np.int32]:
@@ -53,6 +61,43 @@ def _color_plane(corners: NDArray[np.uint8]) -> tuple[Channel, Channel, Channel]
 @njit(cache=True, nogil=True, error_model="numpy")
 def _color_level(channel: Channel, u: np.float32, v: np.float32) -> np.uint8:
     return np.uint8(np.int32(channel[0] + u * channel[1] + v * channel[2]))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _texture_plane(corners: NDArray[np.float32]) -> tuple[Channel, Channel]:
+    """A triangle's texture coordinates as linear functions of the hit's u and v, from its corners' (3, 2)."""
+    across, down = corners[0, 0], corners[0, 1]
+    return (
+        (across, corners[1, 0] - across, corners[2, 0] - across),
+        (down, corners[1, 1] - down, corners[2, 1] - down),
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _texel_index(channel: Channel, u: np.float32, v: np.float32, size: int) -> int:
+    """The texel along one side of a repeating texture."""
+    place = channel[0] + u * channel[1] + v * channel[2]
+    # A fraction just below 1 may round up to it.
+    return min(int((place - np.floor(place)) * np.float32(size)), size - 1)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _texel_address(size: NDArray[np.int64], across: Channel, down: Channel, u: np.float32, v: np.float32) -> int:
+    """Where a texel's three bytes begin. size: a texture's first texel, height and width."""
+    first, height, width = size
+    return 3 * (first + _texel_index(down, u, v, height) * width + _texel_index(across, u, v, width))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _surface_at(row: NDArray[np.int64]) -> Surface:
+    """The arrays of a scene, from its row of `draw_views`."""
+    return (
+        array_at(row[1], (row[2], 3, 3), np.uint8),
+        array_at(row[3], (row[4], 3, 2), np.float32),
+        array_at(row[5], (row[6],), np.int32),
+        array_at(row[7], (row[8], 3), np.int64),
+        array_at(row[9], (row[10],), np.uint8),
+    )
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -89,7 +134,7 @@ def _draw_strip(
     intersect: int,
     arguments: int,
     scene: int,
-    colors: NDArray[np.uint8],
+    surface: Surface,
     pose: NDArray[np.float64],
     camera: tuple[float, float],
     packet: NDArray[np.int32],
@@ -107,8 +152,9 @@ def _draw_strip(
     rays = packet.view(np.float32)
     address = packet.ctypes.data
     valid = address + _VALID * packet.shape[1] * 4
-    shaded = -1
-    red = green = blue = (np.float32(0), np.float32(0), np.float32(0))
+    colors, corner_uv, triangle_textures, texture_sizes, texels = surface
+    shaded = texture = -1
+    red = green = blue = across = down = (np.float32(0), np.float32(0), np.float32(0))
     for left in range(0, width, tile_width):
         for row in range(tile_height):
             for column in range(tile_width):
@@ -132,8 +178,16 @@ def _draw_strip(
                 # Neighbours mostly see the same triangle: its colours stay in registers.
                 if packet[_TRIANGLE, lane] != shaded:
                     shaded = packet[_TRIANGLE, lane]
-                    red, green, blue = _color_plane(colors[shaded])
+                    texture = triangle_textures[shaded] if len(triangle_textures) else -1
+                    if texture >= 0:
+                        across, down = _texture_plane(corner_uv[shaded])
+                    else:
+                        red, green, blue = _color_plane(colors[shaded])
                 u, v = rays[_U, lane], rays[_V, lane]
+                if texture >= 0:
+                    texel = _texel_address(texture_sizes[texture], across, down, u, v)
+                    rgb[y, x, 0], rgb[y, x, 1], rgb[y, x, 2] = texels[texel], texels[texel + 1], texels[texel + 2]
+                    continue
                 rgb[y, x, 0] = _color_level(red, u, v)
                 rgb[y, x, 1] = _color_level(green, u, v)
                 rgb[y, x, 2] = _color_level(blue, u, v)
@@ -153,7 +207,7 @@ def draw_views(
     """Draw N views, strips of tiles dealt in turn to as many threads as there are packets.
 
     intersect, arguments: addresses of rtcIntersectK and of its RTCIntersectArguments.
-    scenes: (N, 3) int64, a view's Embree scene, the address of its (T, 3, 3) uint8 corner colours, and T.
+    scenes: (N, 11) int64, a view's Embree scene, then addresses and lengths of its Surface: see `surface_row`.
     poses: (N, 4) float64. packets: from `packet_scratch`.
     camera: the width of a pixel on a plane at 1 m, and the elevation, metres.
     rgb (N, H, W, 3) uint8 and depth (N, H, W, 1) float32 are written.
@@ -165,14 +219,12 @@ def draw_views(
     for thread in prange(threads):
         for strip in range(thread, views * strips, threads):
             view = strip // strips
-            scene, address, triangles = scenes[view]
-            colors = array_at(address, (triangles, 3, 3), np.uint8)
             top = strip % strips * tile_height
             _draw_strip(
                 intersect,
                 arguments,
-                scene,
-                colors,
+                scenes[view, 0],
+                _surface_at(scenes[view]),
                 poses[view],
                 camera,
                 packets[thread],
