@@ -22,6 +22,9 @@ _ROWS = 32
 _NO_GEOMETRY = -1
 _ALL_MASKS = -1
 _CACHE_LINE_BYTES = 64
+# Pictures are drawn in square blocks of so many pixels a side: what the rays of a block meet stays in the cache, and
+# threads have small pieces to share. A multiple of every tile's sides.
+_BLOCK = 32
 
 # The constant and the slopes in u and v of one quantity (a colour channel, a texture coordinate) over a triangle.
 Channel = tuple[np.float32, np.float32, np.float32]
@@ -108,20 +111,14 @@ def _tile_shape(lanes: int) -> tuple[int, int]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _start_strip(
-    packet: NDArray[np.int32], pose: NDArray[np.float64], camera: tuple[float, float], top: int, height: int
-) -> None:
-    """Write what all tiles of a strip have in common."""
-    lanes = packet.shape[1]
-    tile_width = _tile_shape(lanes)[1]
-    pixel, elevation = camera
+def _start_block(packet: NDArray[np.int32], pose: NDArray[np.float64], elevation: float) -> None:
+    """Write what all rays of a view have in common."""
     rays = packet.view(np.float32)
-    for lane in range(lanes):
+    for lane in range(packet.shape[1]):
         rays[_ORIGIN, lane] = pose[0]
         rays[_ORIGIN + 1, lane] = pose[1] + elevation
         rays[_ORIGIN + 2, lane] = pose[2]
         rays[_NEAR, lane] = 0
-        rays[_DIRECTION + 1, lane] = (height / 2 - (top + lane // tile_width) - 0.5) * pixel
         rays[_TIME, lane] = 0
         packet[_MASK, lane] = _ALL_MASKS
         packet[_ID, lane] = 0
@@ -130,7 +127,49 @@ def _start_strip(
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _draw_strip(
+def _shade(
+    packet: NDArray[np.int32],
+    surface: Surface,
+    corner: tuple[int, int],
+    rgb: NDArray[np.uint8],
+    depth: NDArray[np.float32],
+) -> None:
+    """Write the pixels of a tile whose rays are cast. corner: its first row and column."""
+    colors, corner_uv, triangle_textures, texture_sizes, texels = surface
+    rays = packet.view(np.float32)
+    tile_height, tile_width = _tile_shape(packet.shape[1])
+    top, left = corner
+    shaded = texture = -1
+    red = green = blue = across = down = (np.float32(0), np.float32(0), np.float32(0))
+    for row in range(min(tile_height, depth.shape[0] - top)):
+        for column in range(min(tile_width, depth.shape[1] - left)):
+            lane = row * tile_width + column
+            y, x = top + row, left + column
+            if packet[_GEOMETRY, lane] == _NO_GEOMETRY:
+                depth[y, x, 0] = NOTHING_DEPTH
+                rgb[y, x, 0] = rgb[y, x, 1] = rgb[y, x, 2] = 0
+                continue
+            depth[y, x, 0] = rays[_FAR, lane]
+            # Neighbours mostly see the same triangle: its colours stay in registers.
+            if packet[_TRIANGLE, lane] != shaded:
+                shaded = packet[_TRIANGLE, lane]
+                texture = triangle_textures[shaded] if len(triangle_textures) else -1
+                if texture >= 0:
+                    across, down = _texture_plane(corner_uv[shaded])
+                else:
+                    red, green, blue = _color_plane(colors[shaded])
+            u, v = rays[_U, lane], rays[_V, lane]
+            if texture >= 0:
+                texel = _texel_address(texture_sizes[texture], across, down, u, v)
+                rgb[y, x, 0], rgb[y, x, 1], rgb[y, x, 2] = texels[texel], texels[texel + 1], texels[texel + 2]
+            else:
+                rgb[y, x, 0] = _color_level(red, u, v)
+                rgb[y, x, 1] = _color_level(green, u, v)
+                rgb[y, x, 2] = _color_level(blue, u, v)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _draw_block(
     intersect: int,
     arguments: int,
     scene: int,
@@ -138,59 +177,36 @@ def _draw_strip(
     pose: NDArray[np.float64],
     camera: tuple[float, float],
     packet: NDArray[np.int32],
-    top: int,
+    corner: tuple[int, int],
     rgb: NDArray[np.uint8],
     depth: NDArray[np.float32],
 ) -> None:
-    """Draw the tiles of one view whose first row of pixels is `top`."""
+    """Draw the tiles of one block of a view. corner: the block's first row and column."""
     height, width = depth.shape[0], depth.shape[1]
-    tile_height, tile_width = _tile_shape(packet.shape[1])
-    _start_strip(packet, pose, camera, top, height)
+    lanes = packet.shape[1]
+    tile_height, tile_width = _tile_shape(lanes)
+    _start_block(packet, pose, camera[1])
     pixel = np.float32(camera[0])
     sine, cosine = np.float32(np.sin(pose[3])), np.float32(np.cos(pose[3]))
     middle = np.float32(width / 2 - 0.5)
     rays = packet.view(np.float32)
     address = packet.ctypes.data
-    valid = address + _VALID * packet.shape[1] * 4
-    colors, corner_uv, triangle_textures, texture_sizes, texels = surface
-    shaded = texture = -1
-    red = green = blue = across = down = (np.float32(0), np.float32(0), np.float32(0))
-    for left in range(0, width, tile_width):
-        for row in range(tile_height):
-            for column in range(tile_width):
-                lane = row * tile_width + column
-                # Forward has length 1 and the ray is not normalised: the hit's distance is the depth.
-                right = (np.float32(left + column) - middle) * pixel
-                rays[_DIRECTION, lane] = right * cosine - sine
-                rays[_DIRECTION + 2, lane] = -right * sine - cosine
-                rays[_FAR, lane] = np.inf
-                packet[_GEOMETRY, lane] = _NO_GEOMETRY
-        intersect_packet(intersect, valid, scene, address, arguments)
-        for row in range(min(tile_height, height - top)):
-            for column in range(min(tile_width, width - left)):
-                lane = row * tile_width + column
-                y, x = top + row, left + column
-                if packet[_GEOMETRY, lane] == _NO_GEOMETRY:
-                    depth[y, x, 0] = NOTHING_DEPTH
-                    rgb[y, x, 0] = rgb[y, x, 1] = rgb[y, x, 2] = 0
-                    continue
-                depth[y, x, 0] = rays[_FAR, lane]
-                # Neighbours mostly see the same triangle: its colours stay in registers.
-                if packet[_TRIANGLE, lane] != shaded:
-                    shaded = packet[_TRIANGLE, lane]
-                    texture = triangle_textures[shaded] if len(triangle_textures) else -1
-                    if texture >= 0:
-                        across, down = _texture_plane(corner_uv[shaded])
-                    else:
-                        red, green, blue = _color_plane(colors[shaded])
-                u, v = rays[_U, lane], rays[_V, lane]
-                if texture >= 0:
-                    texel = _texel_address(texture_sizes[texture], across, down, u, v)
-                    rgb[y, x, 0], rgb[y, x, 1], rgb[y, x, 2] = texels[texel], texels[texel + 1], texels[texel + 2]
-                    continue
-                rgb[y, x, 0] = _color_level(red, u, v)
-                rgb[y, x, 1] = _color_level(green, u, v)
-                rgb[y, x, 2] = _color_level(blue, u, v)
+    valid = address + _VALID * lanes * 4
+    for top in range(corner[0], min(corner[0] + _BLOCK, height), tile_height):
+        for lane in range(lanes):
+            rays[_DIRECTION + 1, lane] = (height / 2 - (top + lane // tile_width) - 0.5) * camera[0]
+        for left in range(corner[1], min(corner[1] + _BLOCK, width), tile_width):
+            for row in range(tile_height):
+                for column in range(tile_width):
+                    lane = row * tile_width + column
+                    # Forward has length 1 and the ray is not normalised: the hit's distance is the depth.
+                    right = (np.float32(left + column) - middle) * pixel
+                    rays[_DIRECTION, lane] = right * cosine - sine
+                    rays[_DIRECTION + 2, lane] = -right * sine - cosine
+                    rays[_FAR, lane] = np.inf
+                    packet[_GEOMETRY, lane] = _NO_GEOMETRY
+            intersect_packet(intersect, valid, scene, address, arguments)
+            _shade(packet, surface, (top, left), rgb, depth)
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
@@ -204,7 +220,7 @@ def draw_views(
     rgb: NDArray[np.uint8],
     depth: NDArray[np.float32],
 ) -> None:
-    """Draw N views, strips of tiles dealt in turn to as many threads as there are packets.
+    """Draw N views, blocks of tiles dealt in turn to as many threads as there are packets.
 
     intersect, arguments: addresses of rtcIntersectK and of its RTCIntersectArguments.
     scenes: (N, 11) int64, a view's Embree scene, then addresses and lengths of its Surface: see `surface_row`.
@@ -212,15 +228,14 @@ def draw_views(
     camera: the width of a pixel on a plane at 1 m, and the elevation, metres.
     rgb (N, H, W, 3) uint8 and depth (N, H, W, 1) float32 are written.
     """
-    views, height = depth.shape[0], depth.shape[1]
+    views, height, width = depth.shape[0], depth.shape[1], depth.shape[2]
     threads = packets.shape[0]
-    tile_height = _tile_shape(packets.shape[2])[0]
-    strips = (height + tile_height - 1) // tile_height
+    rows, columns = (height + _BLOCK - 1) // _BLOCK, (width + _BLOCK - 1) // _BLOCK
     for thread in prange(threads):
-        for strip in range(thread, views * strips, threads):
-            view = strip // strips
-            top = strip % strips * tile_height
-            _draw_strip(
+        for block in range(thread, views * rows * columns, threads):
+            view = block // (rows * columns)
+            corner = (block // columns % rows * _BLOCK, block % columns * _BLOCK)
+            _draw_block(
                 intersect,
                 arguments,
                 scenes[view, 0],
@@ -228,7 +243,7 @@ def draw_views(
                 poses[view],
                 camera,
                 packets[thread],
-                top,
+                corner,
                 rgb[view],
                 depth[view],
             )

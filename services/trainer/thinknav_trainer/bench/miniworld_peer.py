@@ -23,7 +23,8 @@ from miniworld.envs import RoomObjects  # type: ignore[import-not-found]  # noqa
 def main() -> None:
     size = int(sys.argv[1])
     with contextlib.redirect_stdout(sys.stderr):
-        env = RoomObjects(obs_width=size, obs_height=size, max_episode_steps=10**9)
+        env = RoomObjects(obs_width=size, obs_height=size)
+        env.max_episode_steps = 10**9
         env.reset(seed=0)
     sys.stdout.write("ready\n")
     sys.stdout.flush()

@@ -40,13 +40,15 @@ def views_in(home: Scene, count: int) -> NDArray[np.float64]:
 def scan_like(home: Scene, triangles: int, texture_size: int = 4096) -> Scene:
     """The home as a scanner would give it: cut into at least so many small triangles, with one large texture.
 
-    Every triangle has its own corners, which lie on the texture as they do in space, seen along the triangle's normal.
+    Every triangle has its own corners, which lie on the texture as they do in space, seen along the triangle's normal;
+    the texture has about as much area as all triangles together, as an atlas has.
     """
     corners = home.vertices[home.triangles]
     while len(corners) < triangles:
         corners = _cut_in_two(corners, min(triangles - len(corners), len(corners)))
-    normals = np.abs(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
-    sides = np.array([(2, 1), (0, 2), (0, 1)])[normals.argmax(axis=1)]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    sides = np.array([(2, 1), (0, 2), (0, 1)])[np.abs(normals).argmax(axis=1)]
+    width = np.sqrt(np.linalg.norm(normals, axis=1).sum() / 2)
     flat = np.take_along_axis(corners, np.repeat(sides[:, None], 3, axis=1), axis=2)
     noise = np.random.default_rng(0).integers(0, 256, (texture_size, texture_size, 3)).astype(np.uint8)
     return Scene(
@@ -58,7 +60,7 @@ def scan_like(home: Scene, triangles: int, texture_size: int = 4096) -> Scene:
         floors=home.floors,
         rooms=home.rooms,
         textures=(noise,),
-        uv=(flat.reshape(-1, 2) / np.float32(10.0)).astype(np.float32),
+        uv=(flat.reshape(-1, 2) / width).astype(np.float32),
         triangle_textures=np.zeros(len(corners), np.int32),
     )
 
