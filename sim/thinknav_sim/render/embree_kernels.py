@@ -18,6 +18,8 @@ _ORIGIN, _NEAR, _DIRECTION, _TIME, _FAR, _MASK, _ID, _FLAGS = 0, 3, 4, 7, 8, 9, 
 _U, _V, _TRIANGLE, _GEOMETRY = 15, 16, 17, 18
 # Which rays to intersect: -1 yes, 0 no. A row of its own behind the packet's 21.
 _VALID = 24
+# Where a ray's pixel lies in its tile: our own row, too.
+_COLUMN = 25
 _ROWS = 32
 _NO_GEOMETRY = -1
 _ALL_MASKS = -1
@@ -124,9 +126,10 @@ def _start_block(packet: NDArray[np.int32], pose: NDArray[np.float64], elevation
         packet[_ID, lane] = 0
         packet[_FLAGS, lane] = 0
         packet[_VALID, lane] = -1
+        rays[_COLUMN, lane] = lane % _tile_shape(packet.shape[1])[1]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
 def _shade(
     packet: NDArray[np.int32],
     surface: Surface,
@@ -196,15 +199,14 @@ def _draw_block(
         for lane in range(lanes):
             rays[_DIRECTION + 1, lane] = (height / 2 - (top + lane // tile_width) - 0.5) * camera[0]
         for left in range(corner[1], min(corner[1] + _BLOCK, width), tile_width):
-            for row in range(tile_height):
-                for column in range(tile_width):
-                    lane = row * tile_width + column
-                    # Forward has length 1 and the ray is not normalised: the hit's distance is the depth.
-                    right = (np.float32(left + column) - middle) * pixel
-                    rays[_DIRECTION, lane] = right * cosine - sine
-                    rays[_DIRECTION + 2, lane] = -right * sine - cosine
-                    rays[_FAR, lane] = np.inf
-                    packet[_GEOMETRY, lane] = _NO_GEOMETRY
+            start = np.float32(left) - middle
+            for lane in range(lanes):
+                # Forward has length 1 and the ray is not normalised: the hit's distance is the depth.
+                right = (start + rays[_COLUMN, lane]) * pixel
+                rays[_DIRECTION, lane] = right * cosine - sine
+                rays[_DIRECTION + 2, lane] = -right * sine - cosine
+                rays[_FAR, lane] = np.inf
+                packet[_GEOMETRY, lane] = _NO_GEOMETRY
             intersect_packet(intersect, valid, scene, address, arguments)
             _shade(packet, surface, (top, left), rgb, depth)
 

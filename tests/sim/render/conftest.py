@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thinknav_sim.render import EmbreeRenderer, Open3DRenderer, Renderer
+from thinknav_sim.render import EmbreeRenderer, Open3DRenderer, Renderer, WarpRenderer
 from thinknav_sim.scene import Scene
 
 Quad = tuple[Sequence[Sequence[float]], Sequence[Sequence[int]]]
@@ -17,6 +17,7 @@ MAKERS: dict[str, Callable[[], Renderer]] = {
     "embree-8": lambda: EmbreeRenderer(packet_width=8),
     "embree-16": lambda: EmbreeRenderer(packet_width=16),
     "open3d": Open3DRenderer,
+    "warp": WarpRenderer,
 }
 
 FRONT, LEFT, BACK, RIGHT, FLOOR, CEILING = (
@@ -81,10 +82,22 @@ def papered(scene: Scene, seed: int) -> Scene:
     )
 
 
+def make(name: str) -> Renderer:
+    """A renderer by its name in MAKERS; skips the test where it needs what is not installed."""
+    if name == "warp":
+        pytest.importorskip("warp", reason="warp-lang is not installed: pip install 'thinknav[gpu]'")
+    return MAKERS[name]()
+
+
+@pytest.fixture(scope="session")
+def make_by_name() -> Callable[[str], Renderer]:
+    return make
+
+
 @pytest.fixture(params=list(MAKERS))
 def renderer(request: pytest.FixtureRequest) -> Iterator[Renderer]:
     """Every renderer in turn, and Embree at every packet width."""
-    made = MAKERS[request.param]()
+    made = make(request.param)
     yield made
     made.close()
 
