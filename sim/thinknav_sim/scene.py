@@ -107,7 +107,7 @@ class Scene:
 
     def _check_textures(self) -> None:
         if self.uv is None or self.triangle_textures is None:
-            if self.textures or self.uv is not self.triangle_textures:
+            if self.textures or self.uv is not None or self.triangle_textures is not None:
                 raise SceneError(f"scene {self.name!r}: textures, uv and triangle_textures go together")
             return
         self._check_array("uv", self.uv, (len(self.vertices), 2), np.float32)

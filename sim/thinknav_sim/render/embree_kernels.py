@@ -83,14 +83,16 @@ def _texel_index(channel: Channel, u: np.float32, v: np.float32, size: int) -> i
     """The texel along one side of a repeating texture."""
     place = channel[0] + u * channel[1] + v * channel[2]
     # A fraction just below 1 may round up to it.
-    return min(int((place - np.floor(place)) * np.float32(size)), size - 1)
+    texel: int = min(int((place - np.floor(place)) * np.float32(size)), size - 1)
+    return texel
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _texel_address(size: NDArray[np.int64], across: Channel, down: Channel, u: np.float32, v: np.float32) -> int:
     """Where a texel's three bytes begin. size: a texture's first texel, height and width."""
     first, height, width = size
-    return 3 * (first + _texel_index(down, u, v, height) * width + _texel_index(across, u, v, width))
+    address: int = 3 * (first + _texel_index(down, u, v, height) * width + _texel_index(across, u, v, width))
+    return address
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -1,8 +1,8 @@
 """The renderer for CUDA GPUs: NVIDIA Warp's mesh queries, all views in one launch, pictures left on the GPU.
 
-`draw` gives torch tensors where the meshes are; `render` and `cast` give NumPy arrays as every `Renderer` does. The only
-file of the simulator that touches torch, and only when a tensor is asked for. Without a GPU Warp draws on the CPU, which
-is slow and there for tests. Warp is imported when the first renderer is made.
+`draw` gives torch tensors where the meshes are; `render` and `cast` give NumPy arrays as every `Renderer` does. No
+other file of the simulator imports torch; this one does when a tensor is asked for, and Warp when the first renderer is
+made. Without a GPU Warp draws on the CPU, which is slow and there for tests.
 """
 
 import logging
@@ -158,7 +158,9 @@ class WarpRenderer:
         points = warp.array(np.ascontiguousarray(scene.vertices), dtype=warp.vec3, device=device)
         indices = warp.array(scene.triangles.ravel(), dtype=warp.int32, device=device)
         mesh = warp.Mesh(points=points, indices=indices)
-        colors = warp.array(scene.colors[scene.triangles].astype(np.float32).reshape(-1, 3), dtype=warp.vec3, device=device)
+        colors = warp.array(
+            scene.colors[scene.triangles].astype(np.float32).reshape(-1, 3), dtype=warp.vec3, device=device
+        )
         owners = packed.triangle_textures if len(packed.sizes) else np.full(len(scene.triangles), -1, np.int32)
         row = self._kernels.Surface()
         row.mesh = mesh.id

@@ -21,14 +21,13 @@ CAMERA = Camera(width=6, height=4, hfov=53.130102354)
 
 def hung(wall: Scene, uv: list[tuple[float, float]]) -> Scene:
     """The wall with the texture: uv at the lower left, lower right, upper right and upper left corner."""
-    return replace(
-        wall, textures=(TEXELS,), uv=np.array(uv, np.float32), triangle_textures=np.zeros(2, np.int32)
-    )
+    return replace(wall, textures=(TEXELS,), uv=np.array(uv, np.float32), triangle_textures=np.zeros(2, np.int32))
 
 
 def picture(renderer: Renderer, scene: Scene) -> NDArray[np.uint8]:
     rgb, _ = renderer.render(np.array([renderer.add_scene(scene)]), POSE, CAMERA)
-    return rgb[0]
+    shown: NDArray[np.uint8] = rgb[0]
+    return shown
 
 
 def test_v_runs_down_from_the_first_row(renderer: Renderer, wall: Scene) -> None:

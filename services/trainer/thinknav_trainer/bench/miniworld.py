@@ -32,7 +32,9 @@ class MiniWorld:
         )
         if self._answer() != "ready":
             *_, reason = ["no message", *self._process.communicate()[1].strip().splitlines()]
-            raise PeerMissing(f"MiniWorld does not run here ({reason}); it needs libegl1, libgl1-mesa-dri and libglu1-mesa")
+            raise PeerMissing(
+                f"MiniWorld does not run here ({reason}); it needs libegl1, libgl1-mesa-dri and libglu1-mesa"
+            )
 
     def draw(self, frames: int) -> Timing:
         """Take that many steps, with RGB and depth of each."""
