@@ -1,4 +1,4 @@
-# mypy: disable-error-code="valid-type, no-any-return"
+# mypy: disable-error-code="valid-type, misc, attr-defined, arg-type, no-any-return"
 """Warp's kernels: one thread a pixel or a ray. Imported by `warp_raycasting` alone, once Warp is there."""
 
 import warp as wp
