@@ -72,7 +72,7 @@ def against_casts(homes: list[Scene], repeats: int) -> Iterator[Figure]:
 
 
 def scan(home: Scene, repeats: int) -> Iterator[Figure]:
-    """A mesh of half a million textured triangles, and what it takes to hold it ready for drawing, its texture included.
+    """A mesh of half a million textured triangles, and the memory to hold it ready for drawing, its texture included.
 
     Of the memory, the mesh itself is not counted.
     """

@@ -40,7 +40,10 @@ def soak_simulator(
     for sample in soak(60 * minutes):
         samples.append(sample)
         console.print(f"{sample.seconds:6.0f} s  {sample.homes:5d} homes  {sample.megabytes:7.1f} MB", highlight=False)
-    share = growth(samples)
+    try:
+        share = growth(samples)
+    except ValueError as error:
+        raise typer.BadParameter(str(error), param_hint="--minutes") from None
     flat = share <= ALLOWED_GROWTH
     console.print(f"resident memory {'is flat' if flat else 'GROWS'}: {share:+.1%} from middle to end")
     raise typer.Exit(0 if flat else 1)
