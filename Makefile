@@ -3,11 +3,13 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help setup demo test check format pins clean
+.PHONY: help setup demo test bench bench-peers soak check format pins clean
 
 help:
 	@echo 'make demo    train a robot that thinks, evaluate it, write runs/demo/report.html (about 10 minutes)'
 	@echo 'make test    formatting, lint, types, tests'
+	@echo 'make bench   the simulator'\''s speed beside MiniWorld, Open3D and bare ray casts (some minutes)'
+	@echo 'make soak    20 minutes of stepping through ever new homes: memory stays flat (MINUTES=1 for a short one)'
 	@echo 'make setup   only install: .venv with pinned versions'
 	@echo 'make format  format the code'
 	@echo 'make clean   remove what was made, but for runs/'
@@ -30,6 +32,22 @@ demo: setup
 test: setup check
 	$(BIN)/pytest
 
+bench: setup bench-peers
+	@$(BIN)/thinknav bench sim
+
+# Simulators to compare with, in a virtual environment of their own. Drawing without a display takes Mesa's software
+# renderer; on Debian: libegl1 libgl1 libgl1-mesa-dri libglu1-mesa.
+bench-peers: .venv-peers/installed
+
+.venv-peers/installed:
+	@$(PYTHON) -m venv .venv-peers
+	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check miniworld==2.1.0 'pyglet<2'
+	@touch $@
+
+MINUTES ?= 20
+soak: setup
+	@$(BIN)/thinknav bench soak --minutes $(MINUTES)
+
 check: setup
 	$(BIN)/ruff format --check
 	$(BIN)/ruff check
@@ -46,5 +64,5 @@ pins: setup
 	@mv constraints.new constraints.txt
 
 clean:
-	rm -rf .venv .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-peers .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
+from numba import njit
 from numpy.typing import NDArray
 
 from thinknav_sim.navigation.kinematics import wrap
@@ -34,13 +35,19 @@ def observation_space(config: ObjectNavConfig) -> spaces.Dict:
     )
 
 
-def normalize_depth(depth: NDArray[np.float32], config: ObjectNavConfig) -> NDArray[np.float32]:
-    """Metres to 0..1, clipped to the sensor's range. Nothing hit reads 0 m, hence 0."""
-    low, high = np.float32(config.min_depth), np.float32(config.max_depth)
-    normalized = np.clip(depth, low, high)
-    normalized -= low
-    normalized /= high - low
-    return normalized
+def normalize_depth(depth: NDArray[np.float32], config: ObjectNavConfig) -> None:
+    """Metres to 0..1, clipped to the sensor's range, in place. Nothing hit reads 0 m, hence 0.
+
+    depth: contiguous, of any shape.
+    """
+    _clip_and_scale(depth.reshape(-1), np.float32(config.min_depth), np.float32(config.max_depth))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _clip_and_scale(values, low, high):  # type: ignore[no-untyped-def]
+    """One pass: as three of NumPy's it was most of what a step costs besides drawing."""
+    for index in range(len(values)):
+        values[index] = (min(max(values[index], low), high) - low) / (high - low)
 
 
 def gps(poses: NDArray[np.float64], starts: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -261,9 +261,10 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
 
     def _observe(self, views: _Viewpoints) -> Observations:
         rgb, depth = self.world.renderer.render(views.scene_ids, views.poses, self._camera)
+        normalize_depth(depth, self.config)
         return {
             "rgb": rgb,
-            "depth": normalize_depth(depth, self.config),
+            "depth": depth,
             "gps": gps(views.poses, views.starts),
             "compass": compass(views.poses, views.starts),
             "objectgoal": views.goals[:, None],

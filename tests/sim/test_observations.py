@@ -41,11 +41,17 @@ def test_compass(start: float, now: float, expected: float) -> None:
 
 
 def test_depth() -> None:
-    metres = np.array([0.0, 0.3, 0.5, 2.75, 5.0, 9.0], np.float32)
-    normalized = normalize_depth(metres, ObjectNavConfig(min_depth=0.5, max_depth=5.0))
-    np.testing.assert_allclose(normalized, [0.0, 0.0, 0.0, 0.5, 1.0, 1.0])
-    assert normalized.dtype == np.float32
-    assert metres[1] == np.float32(0.3), "the renderer's array is left alone"
+    depth = np.array([0.0, 0.3, 0.5, 2.75, 5.0, 9.0], np.float32).reshape(2, 3, 1)
+    normalize_depth(depth, ObjectNavConfig(min_depth=0.5, max_depth=5.0))
+    np.testing.assert_allclose(depth.ravel(), [0.0, 0.0, 0.0, 0.5, 1.0, 1.0])
+    assert depth.dtype == np.float32
+
+
+def test_depth_stays_within_its_space() -> None:
+    depth = np.linspace(0.0, 11.0, 10_001, dtype=np.float32)
+    normalize_depth(depth, ObjectNavConfig(min_depth=0.1, max_depth=10.0))
+    assert depth.min() == 0.0
+    assert depth.max() == 1.0
 
 
 def test_the_space_has_the_configured_size() -> None:

@@ -6,6 +6,7 @@ from thinknav_sim.render.open3d_raycasting import Open3DRenderer
 from thinknav_sim.render.renderer import NOTHING_DEPTH, Hits, Renderer, RendererUnavailable
 from thinknav_sim.render.selection import make_renderer
 from thinknav_sim.render.threads import set_render_threads
+from thinknav_sim.render.warp_raycasting import WarpRenderer
 
 __all__ = [
     "NOTHING_DEPTH",
@@ -15,6 +16,7 @@ __all__ = [
     "Open3DRenderer",
     "Renderer",
     "RendererUnavailable",
+    "WarpRenderer",
     "make_renderer",
     "set_render_threads",
 ]

@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from thinknav_sim.render.arguments import SceneTable, check_rays, check_views
 from thinknav_sim.render.camera import Camera
-from thinknav_sim.render.embree_kernels import cast_rays, draw_views, packet_scratch
+from thinknav_sim.render.embree_kernels import Surface, cast_rays, draw_views, packet_scratch, surface_row
 from thinknav_sim.render.embree_library import PACKET_WIDTHS, EmbreeDevice, EmbreeScene
 from thinknav_sim.render.known_answer import check_known_answer
 from thinknav_sim.render.renderer import Hits
+from thinknav_sim.render.textures import pack_textures
 from thinknav_sim.scene import Scene
 
 # RTCRayQueryFlags, the first word of RTCIntersectArguments, and RTC_FEATURE_FLAG_ALL, the second.
@@ -29,17 +30,15 @@ _PARALLEL_REGION = threading.Lock()
 
 
 class _BuiltScene:
-    """A scene as the kernels want it; all views of it share it, and its last reference frees it.
-
-    colors: (T, 3, 3) uint8, the colours of each triangle's corners, side by side for the cache's sake.
-    """
+    """A scene as the kernels want it; all views of it share it, and its last reference frees it."""
 
     def __init__(self, device: EmbreeDevice, scene: Scene) -> None:
         self._device = device
         self._scene = scene
         self._picture = device.build(scene, robust=False)
-        self._colors = scene.colors[scene.triangles]
-        self.kernel_row = (self._picture.handle, self._colors.ctypes.data, len(self._colors))
+        # The colours of a triangle's corners stand side by side for the cache's sake.
+        self._surface: Surface = (scene.colors[scene.triangles], *pack_textures(scene))
+        self.kernel_row = (self._picture.handle, *surface_row(self._surface))
 
     @functools.cached_property
     def watertight(self) -> EmbreeScene:
@@ -80,7 +79,7 @@ class EmbreeRenderer:
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """See `Renderer.render`."""
         ids, places = check_views(scene_ids, poses)
-        scenes = np.array([self._scenes[scene_id].kernel_row for scene_id in ids.tolist()], np.int64).reshape(-1, 3)
+        scenes = np.array([self._scenes[scene_id].kernel_row for scene_id in ids.tolist()], np.int64).reshape(-1, 11)
         rgb = np.empty((len(ids), camera.height, camera.width, 3), np.uint8)
         depth = np.empty((len(ids), camera.height, camera.width, 1), np.float32)
         packets = packet_scratch(numba.get_num_threads(), self.packet_width)

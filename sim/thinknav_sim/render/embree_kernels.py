@@ -18,13 +18,26 @@ _ORIGIN, _NEAR, _DIRECTION, _TIME, _FAR, _MASK, _ID, _FLAGS = 0, 3, 4, 7, 8, 9, 
 _U, _V, _TRIANGLE, _GEOMETRY = 15, 16, 17, 18
 # Which rays to intersect: -1 yes, 0 no. A row of its own behind the packet's 21.
 _VALID = 24
+# Where a ray's pixel lies in its tile: our own row, too.
+_COLUMN = 25
 _ROWS = 32
 _NO_GEOMETRY = -1
 _ALL_MASKS = -1
 _CACHE_LINE_BYTES = 64
+# Pictures are drawn in square blocks of so many pixels a side: what the rays of a block meet stays in the cache, and
+# threads have small pieces to share. A multiple of every tile's sides.
+_BLOCK = 32
 
-# The constant and the slopes in u and v of one colour channel over a triangle.
+# The constant and the slopes in u and v of one quantity (a colour channel, a texture coordinate) over a triangle.
 Channel = tuple[np.float32, np.float32, np.float32]
+# What the triangles of a scene look like: corner colours (T, 3, 3) uint8; corner texture coordinates (T, 3, 2) float32
+# and textures (T,) int32, both empty where nothing is textured; see `textures.pack_textures` for the rest.
+Surface = tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32], NDArray[np.int64], NDArray[np.uint8]]
+
+
+def surface_row(surface: Surface) -> list[int]:
+    """Addresses and lengths of a surface's arrays, in the order in which `draw_views` takes them."""
+    return [number for array in surface for number in (array.ctypes.data, len(array))]
 
 
 def packet_scratch(threads: int, packet_width: int) -> NDArray[np.int32]:
@@ -56,6 +69,45 @@ def _color_level(channel: Channel, u: np.float32, v: np.float32) -> np.uint8:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _texture_plane(corners: NDArray[np.float32]) -> tuple[Channel, Channel]:
+    """A triangle's texture coordinates as linear functions of the hit's u and v, from its corners' (3, 2)."""
+    across, down = corners[0, 0], corners[0, 1]
+    return (
+        (across, corners[1, 0] - across, corners[2, 0] - across),
+        (down, corners[1, 1] - down, corners[2, 1] - down),
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _texel_index(channel: Channel, u: np.float32, v: np.float32, size: int) -> int:
+    """The texel along one side of a repeating texture."""
+    place = channel[0] + u * channel[1] + v * channel[2]
+    # A fraction just below 1 may round up to it.
+    texel: int = min(int((place - np.floor(place)) * np.float32(size)), size - 1)
+    return texel
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _texel_address(size: NDArray[np.int64], across: Channel, down: Channel, u: np.float32, v: np.float32) -> int:
+    """Where a texel's three bytes begin. size: a texture's first texel, height and width."""
+    first, height, width = size
+    address: int = 3 * (first + _texel_index(down, u, v, height) * width + _texel_index(across, u, v, width))
+    return address
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _surface_at(row: NDArray[np.int64]) -> Surface:
+    """The arrays of a scene, from its row of `draw_views`."""
+    return (
+        array_at(row[1], (row[2], 3, 3), np.uint8),
+        array_at(row[3], (row[4], 3, 2), np.float32),
+        array_at(row[5], (row[6],), np.int32),
+        array_at(row[7], (row[8], 3), np.int64),
+        array_at(row[9], (row[10],), np.uint8),
+    )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _tile_shape(lanes: int) -> tuple[int, int]:
     """Height and width of the block of pixels that a packet covers: 4x4, 2x4 or 2x2."""
     height = 4 if lanes == 16 else 2
@@ -63,80 +115,102 @@ def _tile_shape(lanes: int) -> tuple[int, int]:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _start_strip(
-    packet: NDArray[np.int32], pose: NDArray[np.float64], camera: tuple[float, float], top: int, height: int
-) -> None:
-    """Write what all tiles of a strip have in common."""
-    lanes = packet.shape[1]
-    tile_width = _tile_shape(lanes)[1]
-    pixel, elevation = camera
+def _start_block(packet: NDArray[np.int32], pose: NDArray[np.float64], elevation: float) -> None:
+    """Write what all rays of a view have in common."""
     rays = packet.view(np.float32)
-    for lane in range(lanes):
+    for lane in range(packet.shape[1]):
         rays[_ORIGIN, lane] = pose[0]
         rays[_ORIGIN + 1, lane] = pose[1] + elevation
         rays[_ORIGIN + 2, lane] = pose[2]
         rays[_NEAR, lane] = 0
-        rays[_DIRECTION + 1, lane] = (height / 2 - (top + lane // tile_width) - 0.5) * pixel
         rays[_TIME, lane] = 0
         packet[_MASK, lane] = _ALL_MASKS
         packet[_ID, lane] = 0
         packet[_FLAGS, lane] = 0
         packet[_VALID, lane] = -1
+        rays[_COLUMN, lane] = lane % _tile_shape(packet.shape[1])[1]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _draw_strip(
-    intersect: int,
-    arguments: int,
-    scene: int,
-    colors: NDArray[np.uint8],
-    pose: NDArray[np.float64],
-    camera: tuple[float, float],
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+def _shade(
     packet: NDArray[np.int32],
-    top: int,
+    surface: Surface,
+    corner: tuple[int, int],
     rgb: NDArray[np.uint8],
     depth: NDArray[np.float32],
 ) -> None:
-    """Draw the tiles of one view whose first row of pixels is `top`."""
-    height, width = depth.shape[0], depth.shape[1]
+    """Write the pixels of a tile whose rays are cast. corner: its first row and column."""
+    colors, corner_uv, triangle_textures, texture_sizes, texels = surface
+    rays = packet.view(np.float32)
     tile_height, tile_width = _tile_shape(packet.shape[1])
-    _start_strip(packet, pose, camera, top, height)
+    top, left = corner
+    shaded = texture = -1
+    red = green = blue = across = down = (np.float32(0), np.float32(0), np.float32(0))
+    for row in range(min(tile_height, depth.shape[0] - top)):
+        for column in range(min(tile_width, depth.shape[1] - left)):
+            lane = row * tile_width + column
+            y, x = top + row, left + column
+            if packet[_GEOMETRY, lane] == _NO_GEOMETRY:
+                depth[y, x, 0] = NOTHING_DEPTH
+                rgb[y, x, 0] = rgb[y, x, 1] = rgb[y, x, 2] = 0
+                continue
+            depth[y, x, 0] = rays[_FAR, lane]
+            # Neighbours mostly see the same triangle: its colours stay in registers.
+            if packet[_TRIANGLE, lane] != shaded:
+                shaded = packet[_TRIANGLE, lane]
+                texture = triangle_textures[shaded] if len(triangle_textures) else -1
+                if texture >= 0:
+                    across, down = _texture_plane(corner_uv[shaded])
+                else:
+                    red, green, blue = _color_plane(colors[shaded])
+            u, v = rays[_U, lane], rays[_V, lane]
+            if texture >= 0:
+                texel = _texel_address(texture_sizes[texture], across, down, u, v)
+                rgb[y, x, 0], rgb[y, x, 1], rgb[y, x, 2] = texels[texel], texels[texel + 1], texels[texel + 2]
+            else:
+                rgb[y, x, 0] = _color_level(red, u, v)
+                rgb[y, x, 1] = _color_level(green, u, v)
+                rgb[y, x, 2] = _color_level(blue, u, v)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _draw_block(
+    intersect: int,
+    arguments: int,
+    scene: int,
+    surface: Surface,
+    pose: NDArray[np.float64],
+    camera: tuple[float, float],
+    packet: NDArray[np.int32],
+    corner: tuple[int, int],
+    rgb: NDArray[np.uint8],
+    depth: NDArray[np.float32],
+) -> None:
+    """Draw the tiles of one block of a view. corner: the block's first row and column."""
+    height, width = depth.shape[0], depth.shape[1]
+    lanes = packet.shape[1]
+    tile_height, tile_width = _tile_shape(lanes)
+    _start_block(packet, pose, camera[1])
     pixel = np.float32(camera[0])
     sine, cosine = np.float32(np.sin(pose[3])), np.float32(np.cos(pose[3]))
     middle = np.float32(width / 2 - 0.5)
     rays = packet.view(np.float32)
     address = packet.ctypes.data
-    valid = address + _VALID * packet.shape[1] * 4
-    shaded = -1
-    red = green = blue = (np.float32(0), np.float32(0), np.float32(0))
-    for left in range(0, width, tile_width):
-        for row in range(tile_height):
-            for column in range(tile_width):
-                lane = row * tile_width + column
+    valid = address + _VALID * lanes * 4
+    for top in range(corner[0], min(corner[0] + _BLOCK, height), tile_height):
+        for lane in range(lanes):
+            rays[_DIRECTION + 1, lane] = (height / 2 - (top + lane // tile_width) - 0.5) * camera[0]
+        for left in range(corner[1], min(corner[1] + _BLOCK, width), tile_width):
+            start = np.float32(left) - middle
+            for lane in range(lanes):
                 # Forward has length 1 and the ray is not normalised: the hit's distance is the depth.
-                right = (np.float32(left + column) - middle) * pixel
+                right = (start + rays[_COLUMN, lane]) * pixel
                 rays[_DIRECTION, lane] = right * cosine - sine
                 rays[_DIRECTION + 2, lane] = -right * sine - cosine
                 rays[_FAR, lane] = np.inf
                 packet[_GEOMETRY, lane] = _NO_GEOMETRY
-        intersect_packet(intersect, valid, scene, address, arguments)
-        for row in range(min(tile_height, height - top)):
-            for column in range(min(tile_width, width - left)):
-                lane = row * tile_width + column
-                y, x = top + row, left + column
-                if packet[_GEOMETRY, lane] == _NO_GEOMETRY:
-                    depth[y, x, 0] = NOTHING_DEPTH
-                    rgb[y, x, 0] = rgb[y, x, 1] = rgb[y, x, 2] = 0
-                    continue
-                depth[y, x, 0] = rays[_FAR, lane]
-                # Neighbours mostly see the same triangle: its colours stay in registers.
-                if packet[_TRIANGLE, lane] != shaded:
-                    shaded = packet[_TRIANGLE, lane]
-                    red, green, blue = _color_plane(colors[shaded])
-                u, v = rays[_U, lane], rays[_V, lane]
-                rgb[y, x, 0] = _color_level(red, u, v)
-                rgb[y, x, 1] = _color_level(green, u, v)
-                rgb[y, x, 2] = _color_level(blue, u, v)
+            intersect_packet(intersect, valid, scene, address, arguments)
+            _shade(packet, surface, (top, left), rgb, depth)
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
@@ -150,33 +224,30 @@ def draw_views(
     rgb: NDArray[np.uint8],
     depth: NDArray[np.float32],
 ) -> None:
-    """Draw N views, strips of tiles dealt in turn to as many threads as there are packets.
+    """Draw N views, blocks of tiles dealt in turn to as many threads as there are packets.
 
     intersect, arguments: addresses of rtcIntersectK and of its RTCIntersectArguments.
-    scenes: (N, 3) int64, a view's Embree scene, the address of its (T, 3, 3) uint8 corner colours, and T.
+    scenes: (N, 11) int64, a view's Embree scene, then addresses and lengths of its Surface: see `surface_row`.
     poses: (N, 4) float64. packets: from `packet_scratch`.
     camera: the width of a pixel on a plane at 1 m, and the elevation, metres.
     rgb (N, H, W, 3) uint8 and depth (N, H, W, 1) float32 are written.
     """
-    views, height = depth.shape[0], depth.shape[1]
+    views, height, width = depth.shape[0], depth.shape[1], depth.shape[2]
     threads = packets.shape[0]
-    tile_height = _tile_shape(packets.shape[2])[0]
-    strips = (height + tile_height - 1) // tile_height
+    rows, columns = (height + _BLOCK - 1) // _BLOCK, (width + _BLOCK - 1) // _BLOCK
     for thread in prange(threads):
-        for strip in range(thread, views * strips, threads):
-            view = strip // strips
-            scene, address, triangles = scenes[view]
-            colors = array_at(address, (triangles, 3, 3), np.uint8)
-            top = strip % strips * tile_height
-            _draw_strip(
+        for block in range(thread, views * rows * columns, threads):
+            view = block // (rows * columns)
+            corner = (block // columns % rows * _BLOCK, block % columns * _BLOCK)
+            _draw_block(
                 intersect,
                 arguments,
-                scene,
-                colors,
+                scenes[view, 0],
+                _surface_at(scenes[view]),
                 poses[view],
                 camera,
                 packets[thread],
-                top,
+                corner,
                 rgb[view],
                 depth[view],
             )

@@ -29,6 +29,10 @@ _INDEX_BUFFER, _VERTEX_BUFFER = 0, 1
 _UINT3, _FLOAT3 = 0x5003, 0x9003
 _TRIANGLE_GEOMETRY = 0
 _SCENE_FLAG_ROBUST = 1 << 2
+# RTCBuildQuality. The high one splits triangles: a tenth off the time of a picture for some 25 ms of building a home,
+# which a scan of hundreds of thousands of triangles would pay in seconds and hundreds of megabytes.
+_QUALITY_MEDIUM, _QUALITY_HIGH = 1, 2
+_MAX_HIGH_QUALITY_TRIANGLES = 100_000
 _ERRORS = {
     2: "invalid argument",
     3: "invalid operation",
@@ -47,6 +51,7 @@ _FUNCTIONS: dict[str, tuple[type | None, tuple[type, ...]]] = {
     "rtcGetDeviceError": (_int, (_handle,)),
     "rtcNewScene": (_handle, (_handle,)),
     "rtcSetSceneFlags": (None, (_handle, _int)),
+    "rtcSetSceneBuildQuality": (None, (_handle, _int)),
     "rtcAttachGeometry": (_uint, (_handle, _handle)),
     "rtcCommitScene": (None, (_handle,)),
     "rtcReleaseScene": (None, (_handle,)),
@@ -122,6 +127,8 @@ class EmbreeDevice:
         library = self._library
         handle = library.rtcNewScene(self._handle)
         library.rtcSetSceneFlags(handle, _SCENE_FLAG_ROBUST if robust else 0)
+        fine = not robust and len(triangles) <= _MAX_HIGH_QUALITY_TRIANGLES
+        library.rtcSetSceneBuildQuality(handle, _QUALITY_HIGH if fine else _QUALITY_MEDIUM)
         geometry = library.rtcNewGeometry(self._handle, _TRIANGLE_GEOMETRY)
         for kind, layout, buffer, count in (
             (_VERTEX_BUFFER, _FLOAT3, vertices, len(scene.vertices)),

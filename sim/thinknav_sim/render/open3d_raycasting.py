@@ -30,10 +30,16 @@ _DEBIAN_PACKAGES = {
 
 @dataclass(frozen=True)
 class _CastScene:
-    """raycasting: an open3d.t.geometry.RaycastingScene. corner_colors: (T, 3, 3) float32, 0 to 255."""
+    """raycasting: an open3d.t.geometry.RaycastingScene. corner_colors: (T, 3, 3) float32, 0 to 255.
+
+    corner_uv: (T, 3, 2) float32. triangle_textures: (T,) int32, index into textures, or -1.
+    """
 
     raycasting: Any
     corner_colors: NDArray[np.float32]
+    corner_uv: NDArray[np.float32]
+    triangle_textures: NDArray[np.int32]
+    textures: tuple[NDArray[np.uint8], ...]
 
 
 class Open3DRenderer:
@@ -62,7 +68,12 @@ class Open3DRenderer:
         raycasting.add_triangles(
             tensor(np.ascontiguousarray(scene.vertices)), tensor(scene.triangles.astype(np.uint32))
         )
-        return self._scenes.add(_CastScene(raycasting, scene.colors[scene.triangles].astype(np.float32)))
+        colors = scene.colors[scene.triangles].astype(np.float32)
+        if scene.uv is None or scene.triangle_textures is None:
+            corner_uv, owners = np.empty((0, 3, 2), np.float32), np.full(len(scene.triangles), -1, np.int32)
+        else:
+            corner_uv, owners = scene.uv[scene.triangles], scene.triangle_textures
+        return self._scenes.add(_CastScene(raycasting, colors, corner_uv, owners, scene.textures))
 
     def remove_scene(self, scene_id: int) -> None:
         """See `Renderer.remove_scene`."""
@@ -107,14 +118,26 @@ class Open3DRenderer:
         hits = self._cast(scene, rays)
         distance = hits["t_hit"].numpy()[..., None]
         met = np.isfinite(distance)
-        corners = scene.corner_colors[np.where(met[..., 0], hits["primitive_ids"].numpy(), 0)]
-        u, v = np.moveaxis(hits["primitive_uvs"].numpy(), -1, 0)[..., None]
-        color = (1 - u - v) * corners[..., 0, :] + u * corners[..., 1, :] + v * corners[..., 2, :]
-        rgb = np.where(met, color + np.float32(0.5), 0).astype(np.uint8)
+        triangles = np.where(met[..., 0], hits["primitive_ids"].numpy(), 0)
+        weights = hits["primitive_uvs"].numpy()
+        rgb = np.where(met, _interpolate(scene.corner_colors[triangles], weights) + np.float32(0.5), 0).astype(np.uint8)
+        for index, texture in enumerate(scene.textures):
+            pixels = met[..., 0] & (scene.triangle_textures[triangles] == index)
+            place = _interpolate(scene.corner_uv[triangles[pixels]], weights[pixels])
+            size = np.array([texture.shape[1], texture.shape[0]])
+            across, down = np.minimum(((place - np.floor(place)) * size).astype(np.int64), size - 1).T
+            rgb[pixels] = texture[down, across]
         return rgb, np.where(met, distance, np.float32(NOTHING_DEPTH))
 
     def _cast(self, scene: _CastScene, rays: NDArray[np.float32]) -> Any:
         return scene.raycasting.cast_rays(self._open3d.core.Tensor(rays), nthreads=self._threads)
+
+
+def _interpolate(corners: NDArray[np.float32], weights: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Values (..., C) between a triangle's corners (..., 3, C), at the hit's u and v (..., 2)."""
+    u, v = weights[..., :1], weights[..., 1:]
+    between: NDArray[np.float32] = (1 - u - v) * corners[..., 0, :] + u * corners[..., 1, :] + v * corners[..., 2, :]
+    return between
 
 
 def _camera_rays(poses: NDArray[np.float64], camera: Camera) -> NDArray[np.float32]:

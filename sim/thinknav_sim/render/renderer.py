@@ -1,4 +1,7 @@
-"""What a renderer is. The simulator draws through this; `embree` and `open3d_raycasting` implement it."""
+"""What a renderer is. The simulator draws through this.
+
+`embree`, `open3d_raycasting` and `warp_raycasting` implement it.
+"""
 
 from dataclasses import dataclass
 from typing import Protocol

@@ -6,17 +6,19 @@ import logging
 from thinknav_sim.render.embree import EmbreeRenderer
 from thinknav_sim.render.open3d_raycasting import Open3DRenderer
 from thinknav_sim.render.renderer import Renderer, RendererUnavailable
+from thinknav_sim.render.warp_raycasting import WarpRenderer
 
 logger = logging.getLogger(__name__)
 
-_RENDERERS: dict[str, type[EmbreeRenderer] | type[Open3DRenderer]] = {
+_RENDERERS: dict[str, type[EmbreeRenderer] | type[Open3DRenderer] | type[WarpRenderer]] = {
     "embree": EmbreeRenderer,
     "open3d": Open3DRenderer,
+    "warp": WarpRenderer,
 }
 
 
 def make_renderer(name: str = "auto") -> Renderer:
-    """The renderer called "embree" or "open3d"; "auto" is Embree, or Open3D where Embree cannot run.
+    """The renderer called "embree", "open3d" or "warp"; "auto" is Embree, or Open3D where Embree cannot run.
 
     Raises ValueError for another name, RendererUnavailable when none that was asked for can run.
     """

@@ -1,11 +1,12 @@
 """Hand-made scenes whose pictures can be worked out on paper, and every renderer to draw them."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from thinknav_sim.render import EmbreeRenderer, Open3DRenderer, Renderer
+from thinknav_sim.render import EmbreeRenderer, Open3DRenderer, Renderer, WarpRenderer
 from thinknav_sim.scene import Scene
 
 Quad = tuple[Sequence[Sequence[float]], Sequence[Sequence[int]]]
@@ -16,6 +17,7 @@ MAKERS: dict[str, Callable[[], Renderer]] = {
     "embree-8": lambda: EmbreeRenderer(packet_width=8),
     "embree-16": lambda: EmbreeRenderer(packet_width=16),
     "open3d": Open3DRenderer,
+    "warp": WarpRenderer,
 }
 
 FRONT, LEFT, BACK, RIGHT, FLOOR, CEILING = (
@@ -67,17 +69,44 @@ def cluttered_room(seed: int, size: tuple[float, float, float]) -> Scene:
     return scene_of(f"cluttered {seed}", quads)
 
 
+def papered(scene: Scene, seed: int) -> Scene:
+    """The scene with random textures of odd sizes, repeated and mirrored, on two thirds of its triangles."""
+    draw = np.random.default_rng(seed)
+    textures = tuple(draw.integers(0, 256, (*shape, 3)).astype(np.uint8) for shape in ((5, 8), (16, 3), (1, 1)))
+    return replace(
+        scene,
+        name=f"{scene.name}, papered",
+        textures=textures,
+        uv=draw.uniform(-2.0, 3.0, (len(scene.vertices), 2)).astype(np.float32),
+        triangle_textures=draw.choice([-1, 0, 1, 2], len(scene.triangles), p=[0.34, 0.3, 0.3, 0.06]).astype(np.int32),
+    )
+
+
+def make(name: str) -> Renderer:
+    """A renderer by its name in MAKERS; skips the test where it needs what is not installed."""
+    if name == "warp":
+        pytest.importorskip("warp", reason="warp-lang is not installed: pip install 'thinknav[gpu]'")
+    return MAKERS[name]()
+
+
+@pytest.fixture(scope="session")
+def make_by_name() -> Callable[[str], Renderer]:
+    return make
+
+
 @pytest.fixture(params=list(MAKERS))
 def renderer(request: pytest.FixtureRequest) -> Iterator[Renderer]:
     """Every renderer in turn, and Embree at every packet width."""
-    made = MAKERS[request.param]()
+    made = make(request.param)
     yield made
     made.close()
 
 
 @pytest.fixture(scope="session")
-def rooms() -> tuple[Scene, Scene]:
-    return cluttered_room(0, (6.0, 2.7, 5.0)), cluttered_room(1, (3.0, 2.4, 8.0))
+def rooms() -> tuple[Scene, ...]:
+    """Two in vertex colours and one with textures."""
+    large, long = cluttered_room(0, (6.0, 2.7, 5.0)), cluttered_room(1, (3.0, 2.4, 8.0))
+    return large, long, papered(large, seed=2)
 
 
 @pytest.fixture(scope="session")

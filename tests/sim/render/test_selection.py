@@ -34,7 +34,7 @@ def test_names() -> None:
     assert isinstance(make_renderer(), EmbreeRenderer)
     assert isinstance(make_renderer("embree"), EmbreeRenderer)
     assert isinstance(make_renderer("open3d"), Open3DRenderer)
-    with pytest.raises(ValueError, match="no renderer 'opengl'; there are: auto, embree, open3d"):
+    with pytest.raises(ValueError, match="no renderer 'opengl'; there are: auto, embree, open3d, warp"):
         make_renderer("opengl")
 
 

@@ -1,0 +1,1 @@
+"""Groups of commands of `thinknav`, one file a group."""
