@@ -1,0 +1,1 @@
+"""Groups of the `thinknav` command, a file each."""
