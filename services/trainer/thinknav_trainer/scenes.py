@@ -24,7 +24,7 @@ class Homes:
 
 
 def make_homes(config: TrainConfig) -> Homes:
-    """Generate homes, or load scans, and make episodes. They follow `config.scenes` alone: every seed meets the same."""
+    """Homes, generated or scanned, and episodes. They follow `config.scenes` alone: every seed meets the same ones."""
     wanted = config.scenes
     scenes = _load_scans(wanted.scans) if wanted.scans else _generate(wanted)
     renderer = make_renderer()

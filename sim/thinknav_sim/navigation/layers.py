@@ -21,7 +21,11 @@ _STEEPEST = np.cos(np.radians(45.0))
 
 @dataclass(frozen=True)
 class Layers:
-    """height: (L, rows, cols) float32, from above down, NaN where there are fewer surfaces. standable: bool likewise."""
+    """Heights of surfaces.
+
+    height: (L, rows, cols) float32 metres, from above down, NaN where there are fewer surfaces.
+    standable: (L, rows, cols) bool, level enough and with enough free height above.
+    """
 
     height: NDArray[np.float32]
     standable: NDArray[np.bool_]
@@ -39,14 +43,14 @@ def surface_layers(
     corners = scene.vertices[scene.triangles].astype(np.float64)
     crossed = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     gentle = np.abs(crossed[:, 1]) >= _STEEPEST * np.linalg.norm(crossed, axis=1)
-    starts = np.empty((rows, cols, 3), np.float32)
-    starts[..., 0] = origin[0] + (np.arange(cols) + 0.5) * cell
-    starts[..., 1] = scene.bounds.high[1] + 1.0
-    starts[..., 2] = (origin[1] + (np.arange(rows) + 0.5) * cell)[:, None]
-    starts = starts.reshape(-1, 3)
+    starts = np.empty((rows * cols, 3), np.float32)
+    starts[:, 0] = np.tile(origin[0] + (np.arange(cols) + 0.5) * cell, rows)
+    starts[:, 1] = scene.bounds.high[1] + 1.0
+    starts[:, 2] = np.repeat(origin[1] + (np.arange(rows) + 0.5) * cell, cols)
     alive = np.arange(rows * cols)
     free = np.full(rows * cols, np.inf, np.float32)
-    heights, standable = [], []
+    heights: list[NDArray[np.float32]] = []
+    standable: list[NDArray[np.bool_]] = []
     scene_id = renderer.add_scene(scene)
     try:
         while len(alive) and len(heights) < _MAX_LAYERS:

@@ -30,8 +30,7 @@ def _follow(height, standable, level, start, step):  # type: ignore[no-untyped-d
         for row in range(rows):
             for col in range(cols):
                 if standable[k, row, col] and abs(height[k, row, col] - level) <= start:
-                    heap.append((abs(float(height[k, row, col]) - level), k, row, col))
-    heapq.heapify(heap)
+                    heapq.heappush(heap, (abs(float(height[k, row, col]) - level), k, row, col))
     while len(heap) > 0:
         _, k, row, col = heapq.heappop(heap)
         if not np.isnan(floor[row, col]):

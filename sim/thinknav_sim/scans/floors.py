@@ -40,7 +40,8 @@ def find_floors(scene: Scene, renderer: Renderer) -> tuple[float, ...]:
         heights = heights[np.abs(heights - peak) > _STOREY_M]
     if not floors:
         raise SceneError(
-            f"scene {scene.name!r} has no floor that one can stand on; is it a home, and are its units and up-axis right?"
+            f"scene {scene.name!r} has no floor that one can stand on; "
+            "is it a home, and are its units and up-axis right?"
         )
     lowest = min(level for _, level in floors)
     storeys = [(area, level) for area, level in floors if level == lowest or level + _WALL_M <= high[1]]

@@ -73,7 +73,10 @@ def _guess_axis(mesh: Mesh) -> tuple[UpAxis, str]:
     level = {axis: float(areas[np.abs(normals[:, i]) > _LEVEL].sum()) / total for axis, i in (("y", 1), ("z", 2))}
     axis: UpAxis = "z" if level["z"] > _MARGIN * level["y"] else "y"
     other = "y" if axis == "z" else "z"
-    return axis, f"guessed: {level[axis]:.0%} of the surface is level with {axis} up, {level[other]:.0%} with {other} up"
+    return (
+        axis,
+        f"guessed: {level[axis]:.0%} of the surface is level with {axis} up, {level[other]:.0%} with {other} up",
+    )
 
 
 def _guess_units(size: NDArray[np.float64]) -> tuple[Units, str]:

@@ -61,7 +61,9 @@ class Glb:
             size, kind = struct.unpack_from("<II", data, offset)
             offset += 8
             if offset + size > length:
-                raise SceneError(f"{self.path} is truncated: a chunk of {size} bytes begins {length - offset} before its end")
+                raise SceneError(
+                    f"{self.path} is truncated: a chunk of {size} bytes begins {length - offset} before its end"
+                )
             if kind in (0x4E4F534A, 0x004E4942):  # "JSON", "BIN"
                 chunks.append(data[offset : offset + size])
             offset += size
@@ -132,7 +134,8 @@ class Glb:
             (count, width), np.dtype(dtype).newbyteorder("<"), data, offset, (stride, np.dtype(dtype).itemsize)
         )
         if entry.get("normalized") and dtype is not np.float32:
-            return np.maximum(values.astype(np.float32) / np.iinfo(dtype).max, -1.0)  # type: ignore[type-var]
+            scaled: NDArray[Any] = np.maximum(values.astype(np.float32) / float(np.iinfo(values.dtype).max), -1.0)
+            return scaled
         return values.astype(dtype)
 
     def resource(self, uri: str) -> bytes:

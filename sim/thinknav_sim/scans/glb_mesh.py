@@ -33,7 +33,7 @@ def read_glb(path: Path) -> Mesh:
 class _SceneReader:
     def __init__(self, glb: Glb) -> None:
         self._glb = glb
-        self._images: dict[tuple[int, tuple[float, ...]], NDArray[np.uint8]] = {}
+        self._images: dict[tuple[str, tuple[float, ...]], NDArray[np.uint8]] = {}
 
     def read(self) -> Mesh:
         document = self._glb.document
@@ -53,9 +53,11 @@ class _SceneReader:
         node = self._glb.entry("nodes", index)
         placed = above @ _transform(node)
         if "mesh" in node:
-            for primitive in self._glb.entry("meshes", node["mesh"]).get("primitives", []):
-                if primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN):
-                    parts.append(self._primitive(primitive, placed))
+            parts += [
+                self._primitive(primitive, placed)
+                for primitive in self._glb.entry("meshes", node["mesh"]).get("primitives", [])
+                if primitive.get("mode", _TRIANGLES) in (_TRIANGLES, _STRIP, _FAN)
+            ]
         for child in node.get("children", []):
             self._add_node(child, placed, parts, depth + 1)
 
@@ -122,7 +124,7 @@ class _SceneReader:
         for extension in ("EXT_texture_webp", "KHR_texture_basisu"):
             source = extensions.get(extension, {}).get("source", source)
         image = self._glb.entry("images", source)
-        key = (int(source), factor)
+        key = (str(source), factor)
         if key not in self._images:
             data = self._glb.resource(image["uri"]) if "uri" in image else self._glb.view(image.get("bufferView"))
             pixels = decode_image(data, f"{self._glb.path}: image {source}")
@@ -160,7 +162,7 @@ def _srgb(factor: tuple[float, ...]) -> tuple[int, ...]:
     """A linear colour as sRGB bytes."""
     linear = np.clip(np.array(factor), 0.0, 1.0)
     encoded = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
-    return tuple(int(round(value * 255)) for value in encoded)
+    return tuple(round(float(value) * 255) for value in encoded)
 
 
 def _moved_uv(uv: NDArray[np.float64], transform: dict[str, Any]) -> NDArray[np.float64]:
@@ -189,7 +191,7 @@ def _sharing_textures(parts: list[Mesh]) -> Mesh:
     """All parts in one, an image that several use held once."""
     joined = Mesh.joined(parts)
     unique: dict[int, int] = {}
-    kept = []
+    kept: list[NDArray[np.uint8]] = []
     for texture in joined.textures:
         if id(texture) not in unique:
             unique[id(texture)] = len(kept)

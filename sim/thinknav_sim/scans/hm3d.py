@@ -47,7 +47,7 @@ def read_annotations(path: Path) -> list[Annotation]:
         try:
             rows.append(Annotation(int(row[1], 16), category_of(row[2])))
         except (IndexError, ValueError):
-            raise SceneError(f"{path}, line {number}: expected id,colour,\"name\",region, not {row}") from None
+            raise SceneError(f'{path}, line {number}: expected id,colour,"name",region, not {row}') from None
     return rows
 
 
@@ -93,4 +93,5 @@ def _triangle_colors(mesh: Mesh) -> NDArray[np.uint8]:
 
 def _probes(mesh: Mesh) -> NDArray[np.float64]:
     """(4 T, 3): the probe points, all first ones, then all second ones, ..."""
-    return np.einsum("pc,tck->ptk", _PROBES, mesh.corners()).reshape(-1, 3)
+    probes: NDArray[np.float64] = np.einsum("pc,tck->ptk", _PROBES, mesh.corners()).reshape(-1, 3)
+    return probes

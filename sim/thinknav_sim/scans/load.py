@@ -11,7 +11,7 @@ import numpy as np
 
 from thinknav_sim.render import Renderer, make_renderer
 from thinknav_sim.scans.floors import find_floors
-from thinknav_sim.scans.frame import Frame, UpAxis, Units, find_frame
+from thinknav_sim.scans.frame import Frame, Units, UpAxis, find_frame
 from thinknav_sim.scans.glb_mesh import read_glb
 from thinknav_sim.scans.hm3d import annotated_objects
 from thinknav_sim.scans.mesh import Mesh, checked, shaded

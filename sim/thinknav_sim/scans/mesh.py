@@ -99,15 +99,13 @@ class Mesh:
 def checked(mesh: Mesh, source: object) -> Mesh:
     """The mesh without degenerate triangles. Raises SceneError, naming the source, where nothing usable is left."""
     if not len(mesh.triangles):
-        raise SceneError(
-            f"{source} holds no triangles; if it shows some in a viewer, export it again without compression, as GLB"
-        )
+        raise SceneError(f"{source} holds no triangles; if a viewer shows some, export it again as GLB, uncompressed")
     if mesh.triangles.min() < 0 or mesh.triangles.max() >= len(mesh.vertices):
         raise SceneError(f"{source} has a triangle that names vertex {mesh.triangles.max()} of {len(mesh.vertices)}")
     broken = ~np.isfinite(mesh.vertices).all(axis=1)
     if broken.any():
         raise SceneError(
-            f"{source} has {int(broken.sum())} vertices that are NaN or infinite, the first at index {broken.argmax()}; "
+            f"{source} has {int(broken.sum())} vertices that are NaN or infinite, the first at {broken.argmax()}; "
             "export it again or repair it"
         )
     areas = mesh.normals()[1]
@@ -118,9 +116,7 @@ def checked(mesh: Mesh, source: object) -> Mesh:
     return mesh if solid.all() else mesh.keeping(solid)
 
 
-def texel_colors(
-    texture: NDArray[np.uint8], uv: NDArray[np.float32] | NDArray[np.float64]
-) -> NDArray[np.uint8]:
+def texel_colors(texture: NDArray[np.uint8], uv: NDArray[np.float32] | NDArray[np.float64]) -> NDArray[np.uint8]:
     """The nearest texels (N, 3) at uv (N, 2), the texture repeating."""
     height, width = texture.shape[:2]
     wrapped = uv.astype(np.float64) % 1.0
@@ -141,4 +137,5 @@ def shaded(mesh: Mesh) -> NDArray[np.uint8]:
         np.add.at(facing, mesh.triangles[:, corner], np.abs(normals) * areas[:, None])
     facing /= np.maximum(np.linalg.norm(facing, axis=1), 1e-300)[:, None]
     light = 0.45 + facing**2 @ np.array([0.22, 0.55, 0.38])
-    return np.clip(mesh.colors * light[:, None], 0, 255).astype(np.uint8)
+    lit: NDArray[np.uint8] = np.clip(mesh.colors * light[:, None], 0, 255).astype(np.uint8)
+    return lit

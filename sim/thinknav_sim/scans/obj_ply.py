@@ -91,11 +91,21 @@ def _check_ply(path: Path) -> None:
         if len(words) == 3 and words[0] == b"element" and words[2].isdigit():
             count = int(words[2])
         elif len(words) >= 3 and words[0] == b"property":
-            # In text a digit and a space; of a list at least its length.
-            least += count * (2 if text else 1 if words[1] == b"list" else sizes.get(words[1], 4))
+            # In text a digit and a space for each value.
+            least += count * (2 if text else _property_size(words, sizes))
     size = path.stat().st_size - end - len(b"end_header")
     if size < least:
-        raise SceneError(f"{path} is truncated: its header promises at least {least} bytes of data, and {size} are there")
+        raise SceneError(
+            f"{path} is truncated: its header promises at least {least} bytes of data, and {size} are there"
+        )
+
+
+def _property_size(words: list[bytes], sizes: dict[bytes, int]) -> int:
+    """The least bytes of one value; of a list its length, and three indices where it is a face."""
+    if words[1] != b"list":
+        return sizes.get(words[1], 4)
+    corners = 3 if words[-1].startswith(b"vertex_ind") else 0
+    return sizes.get(words[2], 4) + corners * (sizes.get(words[3], 4) if len(words) > 3 else 0)
 
 
 def _check_obj(path: Path, read: int) -> None:

@@ -89,9 +89,7 @@ def _box(entity: dict[str, Any]) -> LabelledBox | None:
     return LabelledBox(category, position, rotation, low, low + size, flat)
 
 
-def objects_in_boxes(
-    mesh: Mesh, boxes: list[LabelledBox]
-) -> tuple[tuple[ObjectInstance, ...], NDArray[np.int32]]:
+def objects_in_boxes(mesh: Mesh, boxes: list[LabelledBox]) -> tuple[tuple[ObjectInstance, ...], NDArray[np.int32]]:
     """The objects of labelled boxes in a mesh of metres, y up, and the object of each triangle (T,), -1 for none.
 
     Where boxes overlap, the smaller one has the triangle. A box that holds no triangle is kept, as an object that

@@ -3,6 +3,8 @@
 Decimation cannot carry textures over; their colours stay, baked into the vertices.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
@@ -60,23 +62,43 @@ def fragments(mesh: Mesh, scene: Scene, renderer: Renderer) -> NDArray[np.bool_]
     np.minimum.at(low, of_triangle, corners.min(axis=1))
     np.maximum.at(high, of_triangle, corners.max(axis=1))
     small = np.linalg.norm(high - low, axis=1) < _FRAGMENT_M
-    suspects = np.flatnonzero(small[of_triangle])
-    if not len(suspects) or small.all():
+    if small.all():
         return np.zeros(len(mesh.triangles), np.bool_)
-    points = np.repeat(corners[suspects].reshape(-1, 3), 6, axis=0)
-    axes = np.concatenate([np.eye(3), -np.eye(3)])
-    rays = np.tile(axes, (len(suspects) * 3, 1))
-    scene_id = renderer.add_scene(scene)
+    # What touches the solid part is solid, then what touches that: a book on a book on a table.
+    while small.any():
+        touching = _touching(corners, small[of_triangle], of_triangle, scene, renderer)
+        if not len(touching):
+            break
+        small[touching] = False
+    lost: NDArray[np.bool_] = small[of_triangle]
+    return lost
+
+
+def _touching(
+    corners: NDArray[np.float64],
+    loose: NDArray[np.bool_],
+    pieces: NDArray[np.int32],
+    scene: Scene,
+    renderer: Renderer,
+) -> NDArray[np.int32]:
+    """The loose pieces that come near to a triangle that is not loose: rays along the axes from all their corners."""
+    solid = replace(
+        scene,
+        triangles=scene.triangles[~loose],
+        triangle_objects=scene.triangle_objects[~loose],
+        textures=(),
+        triangle_textures=None,
+    )
+    points = np.repeat(corners[loose].reshape(-1, 3), 6, axis=0)
+    rays = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (len(points) // 6, 1))
+    scene_id = renderer.add_scene(solid)
     try:
-        hits = renderer.cast(scene_id, (points + _SKIN_M * rays).astype(np.float32), rays.astype(np.float32))
+        # From a little behind, so that what lies exactly on a surface meets it.
+        hits = renderer.cast(scene_id, (points - _SKIN_M * rays).astype(np.float32), rays.astype(np.float32))
     finally:
         renderer.remove_scene(scene_id)
-    owner = np.repeat(of_triangle[suspects], 18)
-    touches = (hits.triangle >= 0) & (hits.distance <= _AIR_M) & (of_triangle[hits.triangle] != owner)
-    floating = small.copy()
-    floating[owner[touches]] = False
-    lost: NDArray[np.bool_] = floating[of_triangle]
-    return lost
+    near = (hits.triangle >= 0) & (hits.distance <= _AIR_M)
+    return np.unique(np.repeat(pieces[loose], 18)[near])
 
 
 def _welded(mesh: Mesh) -> NDArray[np.int32]:

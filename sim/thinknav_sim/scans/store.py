@@ -63,7 +63,7 @@ def write_scene(path: Path, scene: Scene, notes: tuple[str, ...]) -> None:
 def read_scene(path: Path) -> tuple[Scene, tuple[str, ...]]:
     """A scene and its notes. Raises SceneError for a file that is not one of these, or is of another version."""
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             header = json.loads(arrays["header"].tobytes())
             if header["format"] != FORMAT:
                 raise SceneError(f"{path} is of format {header['format']}, not {FORMAT}; import the scan again")
@@ -80,8 +80,8 @@ def read_scene(path: Path) -> tuple[Scene, tuple[str, ...]]:
                 floors=tuple(header["floors"]),
                 level_floors=header["level_floors"],
                 textures=tuple(arrays[f"texture_{index}"] for index in range(header["textures"])),
-                uv=arrays["uv"] if "uv" in arrays else None,
-                triangle_textures=arrays["triangle_textures"] if "triangle_textures" in arrays else None,
+                uv=arrays.get("uv"),
+                triangle_textures=arrays.get("triangle_textures"),
             )
             return scene, tuple(header["notes"])
     except SceneError:

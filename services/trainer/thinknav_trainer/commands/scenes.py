@@ -28,7 +28,9 @@ def _group() -> None:
 @app.command("import")
 def import_scene(
     path: Annotated[Path, typer.Argument(help="a GLB, OBJ or PLY file, or an HM3D folder of one scene")],
-    units: Annotated[str | None, typer.Option(help=f"of the file: {', '.join(get_args(Units))}; default: guess")] = None,
+    units: Annotated[
+        str | None, typer.Option(help=f"of the file: {', '.join(get_args(Units))}; default: guess")
+    ] = None,
     up_axis: Annotated[str | None, typer.Option(help="y or z; default: guess, and say so")] = None,
     decimate: Annotated[int | None, typer.Option(metavar="N", help="keep about N triangles")] = None,
     semantics: Annotated[Path | None, typer.Option(help="labels: JSON of boxes, or a painted .semantic.glb")] = None,
@@ -66,7 +68,9 @@ def _grids(scene: Scene, renderer, config: ObjectNavConfig) -> list[NavigationGr
 
 def _describe(console: Console, scan: Scan, grids: list[NavigationGrid], seconds: float) -> None:
     scene = scan.scene
-    console.print(f"[bold]{escape(scene.name)}[/bold] ({'from the cache' if scan.cached else 'read'} in {seconds:.2f} s)")
+    console.print(
+        f"[bold]{escape(scene.name)}[/bold] ({'from the cache' if scan.cached else 'read'} in {seconds:.2f} s)"
+    )
     for note in scan.notes:
         console.print(f"  {note}", soft_wrap=True, markup=False)
     textures = f", {len(scene.textures)} textures" if scene.textures else ""

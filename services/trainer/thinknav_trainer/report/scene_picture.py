@@ -20,26 +20,25 @@ from thinknav_trainer.report.floor_map import PIXEL_M, draw_floor_map
 NAVIGABLE_COLOR = (60, 160, 255)
 LABEL_COLOR = (200, 30, 60)
 VIEW_SIZE = 360
-VIEWS = 4
+VIEWS = 4  # two by two
 _GAP = 8
-_MAX_MAP = 1600
+_LEAST_MAP, _MAX_MAP = 728, 1600
 
 
 def draw_scene(scene: Scene, renderer: Renderer, grids: Sequence[NavigationGrid], radius: float) -> Image.Image:
     """The floors of a scene from above, one below the other, and views from the first. radius: the agent's, metres."""
     maps = [_map(scene, renderer, grid, level, radius) for grid, level in zip(grids, scene.floors, strict=True)]
-    views = _views(scene, renderer, grids[0])
-    columns = [maps, views]
-    width = sum(max(image.width for image in column) for column in columns) + _GAP
-    height = max(sum(image.height + _GAP for image in column) for column in columns) - _GAP
+    left = max(image.width for image in maps) + _GAP
+    views = VIEW_SIZE + _GAP
+    width = left + 2 * VIEW_SIZE + _GAP
+    height = max(sum(image.height + _GAP for image in maps), 2 * views) - _GAP
     picture = Image.new("RGB", (width, height), (255, 255, 255))
-    left = 0
-    for column in columns:
-        top = 0
-        for image in column:
-            picture.paste(image, (left, top))
-            top += image.height + _GAP
-        left += max(image.width for image in column) + _GAP
+    top = 0
+    for image in maps:
+        picture.paste(image, (0, top))
+        top += image.height + _GAP
+    for index, image in enumerate(_views(scene, renderer, grids[0])):
+        picture.paste(image, (left + index % 2 * views, index // 2 * views))
     return picture
 
 
@@ -53,12 +52,16 @@ def _map(scene: Scene, renderer: Renderer, grid: NavigationGrid, level: float, r
     reached = grid.is_navigable(points).reshape(height, width)
     pixels[reached] = 0.6 * pixels[reached] + 0.4 * np.array(NAVIGABLE_COLOR)
     image = Image.fromarray(pixels.astype(np.uint8))
+    zoom = max(1, _LEAST_MAP // max(image.size))
+    image = image.resize((image.width * zoom, image.height * zoom), Image.Resampling.NEAREST)
     draw = ImageDraw.Draw(image)
     for instance in scene.objects:
         if level - 0.5 <= instance.box.low[1] <= level + 2.2:
-            low = floor_map.pixel(instance.box.low[0], instance.box.low[2])
-            high = floor_map.pixel(instance.box.high[0], instance.box.high[2])
-            draw.rectangle((*low, *high), outline=LABEL_COLOR)
+            low, high = (
+                [zoom * at for at in floor_map.pixel(corner[0], corner[2])]
+                for corner in (instance.box.low, instance.box.high)
+            )
+            draw.rectangle((*low, *high), outline=LABEL_COLOR, width=zoom)
             draw.text((low[0] + 3, low[1] + 2), instance.category, fill=LABEL_COLOR)
     image.thumbnail((_MAX_MAP, _MAX_MAP))
     return image
@@ -72,9 +75,7 @@ def _views(scene: Scene, renderer: Renderer, grid: NavigationGrid) -> list[Image
     poses = np.array([[*place, 2 * np.pi * turn / VIEWS] for turn in range(VIEWS)])
     scene_id = renderer.add_scene(scene)
     try:
-        rgb, _ = renderer.render(
-            np.full(VIEWS, scene_id, np.int64), poses, Camera(width=VIEW_SIZE, height=VIEW_SIZE)
-        )
+        rgb, _ = renderer.render(np.full(VIEWS, scene_id, np.int64), poses, Camera(width=VIEW_SIZE, height=VIEW_SIZE))
     finally:
         renderer.remove_scene(scene_id)
     return [Image.fromarray(frame) for frame in rgb]
