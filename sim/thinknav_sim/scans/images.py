@@ -4,6 +4,7 @@ Knows nothing of meshes.
 """
 
 import io
+import struct
 import warnings
 
 import numpy as np
@@ -36,6 +37,7 @@ def decode_image(data: bytes, source: object) -> NDArray[np.uint8]:
 
 
 def _ktx2_to_png(data: bytes, source: object) -> bytes:
+    _check_ktx2(data, source)
     try:
         import alktx2
     except ImportError:
@@ -45,3 +47,18 @@ def _ktx2_to_png(data: bytes, source: object) -> bytes:
     except Exception as error:
         raise SceneError(f"{source} is a KTX2 texture that cannot be decoded: {error}") from None
     return bytes(png)
+
+
+def _check_ktx2(data: bytes, source: object) -> None:
+    """Sizes and level index of a KTX2 file, before a decoder written in C++ trusts them."""
+    if len(data) < 104:
+        raise SceneError(f"{source} is a KTX2 texture that is truncated")
+    width, height, depth, layers, faces, levels = struct.unpack_from("<6I", data, 20)
+    if not 0 < width * height <= _MAX_PIXELS or depth > 1 or layers > 1 or faces != 1 or not 0 < levels <= 32:
+        raise SceneError(f"{source} is a KTX2 texture of {width} x {height} pixels and {levels} levels, no plain image")
+    index = 80 + 24 * levels
+    parts = [struct.unpack_from("<2Q", data, 80 + 24 * level) for level in range(levels) if index <= len(data)]
+    parts += [struct.unpack_from("<2I", data, 48), struct.unpack_from("<2I", data, 56)]
+    parts += [struct.unpack_from("<2Q", data, 64)]
+    if index > len(data) or any(offset + size > len(data) for offset, size in parts):
+        raise SceneError(f"{source} is a KTX2 texture that is truncated: it names more than its {len(data)} bytes")

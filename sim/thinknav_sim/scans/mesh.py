@@ -113,7 +113,8 @@ def checked(mesh: Mesh, source: object) -> Mesh:
     solid = areas > 1e-14 * float(np.ptp(mesh.vertices, axis=0).max()) ** 2
     if not solid.any():
         raise SceneError(f"{source} has {len(areas)} triangles, all of them degenerate (without area)")
-    return mesh if solid.all() else mesh.keeping(solid)
+    # Vertices that no triangle uses go too: far away, they would make a home look as large as a town.
+    return mesh.keeping(solid)
 
 
 def texel_colors(texture: NDArray[np.uint8], uv: NDArray[np.float32] | NDArray[np.float64]) -> NDArray[np.uint8]:

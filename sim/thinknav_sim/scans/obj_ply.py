@@ -29,9 +29,14 @@ def read_obj_or_ply(path: Path) -> Mesh:
     logging.getLogger("trimesh").setLevel(logging.ERROR)
     try:
         loaded = trimesh.load_scene(path, process=False, maintain_order=True)
+        # Neither format has transforms: what is in the file lies where it is.
+        parts = [
+            _part(geometry, path) for geometry in loaded.geometry.values() if isinstance(geometry, trimesh.Trimesh)
+        ]
+    except SceneError:
+        raise
     except Exception as error:  # its readers raise whatever they stumble on
         raise SceneError(f"{path} cannot be read: {type(error).__name__}: {error}") from None
-    parts = [_part(geometry, path) for geometry in loaded.dump() if isinstance(geometry, trimesh.Trimesh)]
     mesh = Mesh.joined([part for part in parts if len(part.triangles)])
     if path.suffix.lower() == ".obj":
         _check_obj(path, len(mesh.triangles))
@@ -41,6 +46,10 @@ def read_obj_or_ply(path: Path) -> Mesh:
 def _part(geometry: Any, path: Path) -> Mesh:
     vertices = np.asarray(geometry.vertices, np.float64)
     triangles = np.asarray(geometry.faces).reshape(-1, 3).astype(np.int32)
+    if vertices.shape[1:] != (3,):
+        raise SceneError(f"{path} has vertices of {vertices.shape[-1]} coordinates, not 3")
+    if len(triangles) and not 0 <= triangles.min() <= triangles.max() < len(vertices):
+        raise SceneError(f"{path} has a triangle that names vertex {triangles.max()} of {len(vertices)}")
     visual = geometry.visual
     uv = getattr(visual, "uv", None)
     image = getattr(getattr(visual, "material", None), "image", None)

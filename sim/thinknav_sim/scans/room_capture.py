@@ -53,7 +53,9 @@ def read_room_capture(path: Path) -> list[LabelledBox]:
         entities = json.loads(path.read_text(encoding="utf-8"))["spatialEntities"]
         boxes = [box for entity in entities if (box := _box(entity)) is not None]
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        raise SceneError(f"{path} is not a room capture (JSON with spatialEntities): {error!r}") from None
+        raise SceneError(
+            f"{path} is not a room capture (JSON with spatialEntities): {type(error).__name__}: {error}"
+        ) from None
     solid = [box for box in boxes if not box.flat]
     return solid + [
         box
