@@ -16,7 +16,8 @@ from thinknav_sim.scans import load_scan
 def measure(path: Path, rounds: int) -> tuple[list[float], list[float]]:
     """Seconds of first and second loads, each in an empty cache. Compiled code is warmed up before."""
     load_scan(path, cache=False)
-    first, second = [], []
+    first: list[float] = []
+    second: list[float] = []
     for _ in range(rounds):
         with tempfile.TemporaryDirectory() as folder:
             os.environ["THINKNAV_CACHE"] = folder

@@ -5,7 +5,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from tests.sim.conftest import BoxCorners, MakeRoom, build_room
 from thinknav_sim.homes import generate_home
@@ -39,8 +38,7 @@ def level(x0: float, z0: float, x1: float, z1: float, y: float = 0.0) -> tuple[t
 
 
 def stands(grid: NavigationGrid, *places: tuple[float, float]) -> list[bool]:
-    found: NDArray[np.bool_] = grid.is_navigable(np.array([[x, 0.0, z] for x, z in places]))
-    return found.tolist()
+    return [bool(stood) for stood in grid.is_navigable(np.array([[x, 0.0, z] for x, z in places]))]
 
 
 def height(grid: NavigationGrid, x: float, z: float) -> float:
