@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from thinknav_sim.navigation.layers import surface_layers
 from thinknav_sim.navigation.obstacles import blocked_cells
-from thinknav_sim.navigation.uneven import STEP_NOISE_M, follow_floor, too_steep
+from thinknav_sim.navigation.uneven import STEP_NOISE_M, follow_floor, too_steep, unblocked
 from thinknav_sim.render.renderer import Renderer
 from thinknav_sim.scene import Scene, SceneError
 
@@ -70,9 +70,10 @@ class NavigationGrid:
             floor = _floor_heights(scene, renderer, low, cell, (rows, cols), level, max_climb)
             blocked = blocked_cells(scene.vertices, scene.triangles, floor, low, cell, max_climb, height)
         else:
-            layers = surface_layers(scene, renderer, low, cell, (rows, cols), height)
-            floor = follow_floor(layers, level, max_climb, max_step, cell)
             steps = max_step + STEP_NOISE_M
+            layers = surface_layers(scene, renderer, low, cell, (rows, cols), height)
+            layers = unblocked(layers, scene, low, cell, steps, height)
+            floor = follow_floor(layers, level, max_climb, max_step, cell)
             blocked = blocked_cells(scene.vertices, scene.triangles, floor, low, cell, steps, height)
             blocked |= too_steep(floor, max_step, radius, cell)
         free = np.isfinite(floor) & ~blocked

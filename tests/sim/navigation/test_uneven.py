@@ -69,6 +69,15 @@ def test_a_platform_is_reached_over_a_step(renderer: Renderer, rise: float, clim
         assert stands(grid, *((x, 3.0) for x in np.arange(1.5, 4.5, 0.05))) == [True] * 60
 
 
+def test_stairs_lead_up_over_the_space_below_them(renderer: Renderer) -> None:
+    """One storey's stairs: each step is a box on the floor, and in the high ones there is room to stand."""
+    steps = [(1.0 + 0.28 * i, 0.0, 2.0, 1.28 + 0.28 * i, 0.2 * (i + 1), 4.0) for i in range(7)]
+    grid = NavigationGrid.from_scene(scan([*steps, (2.96, 0.0, 2.0, 6.0, 1.6, 4.0)]), renderer)
+    way = [(x, 3.0) for x in np.arange(0.5, 4.6, 0.05)]
+    assert stands(grid, *way) == [True] * len(way)
+    assert height(grid, 4.6, 3.0) == pytest.approx(1.6, abs=1e-3)
+
+
 @pytest.mark.parametrize("tread", [0.25, 0.3])
 def test_stairs_are_climbed(renderer: Renderer, tread: float) -> None:
     steps = [(2.0 + i * tread, 0.0, 2.0, 6.0, 0.2 * (i + 1), 4.0) for i in range(5)]
