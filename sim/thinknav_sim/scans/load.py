@@ -91,7 +91,7 @@ def _import(source: Source, options: ScanOptions) -> tuple[Scene, tuple[str, ...
     frame = _frame(source, mesh, options)
     notes[:0] = frame.reasons
     mesh = frame.applied(mesh)
-    if options.decimate is not None:
+    if options.decimate is not None and options.decimate < len(mesh.triangles):
         before, had_textures = len(mesh.triangles), bool(mesh.textures)
         mesh = checked(decimated(mesh, options.decimate), source.mesh)
         baked = ", textures baked into vertex colours" if had_textures and not mesh.textures else ""

@@ -25,8 +25,6 @@ _SKIN_M = 1e-3
 
 def decimated(mesh: Mesh, count: int) -> Mesh:
     """The mesh with about `count` triangles, in vertex colours. Metres."""
-    if count >= len(mesh.triangles):
-        return mesh
     import open3d as o3d
 
     welded = _welded(mesh)

@@ -71,8 +71,13 @@ def test_an_hm3d_folder(tmp_path: Path, renderer: Renderer, paint: str) -> None:
     stripes = np.repeat(np.array([40, 120, 220], np.uint8), 8)[None, :, None] * np.ones((8, 1, 3), np.uint8)
     walls = alktx2.encode_bytes_to_ktx2(png(stripes), mime="image/png", codec="etc1s")
     (folder / "TEEsavR23oF.basis.glb").write_bytes(glb_bytes(lying, triangles, uv=uv, image=walls))
+    # The corners of every triangle lie in unpainted texels, its middle in the painted row between them.
+    odd = (np.arange(24) % 8)[:, None] >> np.arange(3) & 1
+    over_edges = np.stack([uv[:, 0], np.where(odd.sum(axis=1) % 2, 0.9, 0.1)], axis=1).astype(np.float32)
+    rows = np.zeros((3, 3, 3), np.uint8)
+    rows[1] = painted[::8]
     semantic = (
-        glb_bytes(lying, triangles, uv=uv, image=png(painted[::8][None]))
+        glb_bytes(lying, triangles, uv=over_edges, image=png(rows))
         if paint == "texture"
         else glb_bytes(lying, triangles, colors=painted)
     )
