@@ -61,12 +61,12 @@ class Scene:
     triangles: (T, 3) int32, indices into vertices; either winding order.
     colors: (V, 3) uint8 sRGB, one for each vertex, lighting included; interpolated over each triangle.
     triangle_objects: (T,) int32, the object_id that a triangle belongs to, -1 for the building and clutter.
-    floors: heights of the walkable floors, metres; the first is the one that is played on.
     level_floors: each floor has one height. Not so in scans, where the grid follows a floor over its steps.
-    textures: each (H, W, 3) uint8 sRGB; row 0 is v = 0, the top.
-    uv: (V, 2) float32, in units of the texture, u to the right and v down, repeating; needed by textures.
-    triangle_textures: (T,) int32, index into textures, -1 for a triangle of vertex colours. A textured triangle has the
-        colour of the nearest texel alone.
+    floors: heights of the walkable floors, metres.
+    textures: images (H, W, 3) uint8 sRGB, row 0 at v = 0. A textured triangle has its texture's nearest texel alone for
+    a colour, and textures repeat.
+    uv: (V, 2) float32, places on the texture in units of its size, u to the right and v down; goes with textures.
+    triangle_textures: (T,) int32, index into textures, -1 for a triangle with vertex colours; goes with textures.
 
     Raises SceneError when the arrays do not make a scene one can stand in.
     """
@@ -77,9 +77,9 @@ class Scene:
     colors: NDArray[np.uint8]
     triangle_objects: NDArray[np.int32]
     objects: tuple[ObjectInstance, ...] = ()
+    level_floors: bool = True
     floors: tuple[float, ...] = (0.0,)
     rooms: tuple[Room, ...] = field(default=())
-    level_floors: bool = True
     textures: tuple[NDArray[np.uint8], ...] = ()
     uv: NDArray[np.float32] | None = None
     triangle_textures: NDArray[np.int32] | None = None
@@ -108,20 +108,24 @@ class Scene:
         self._check_textures()
 
     def _check_textures(self) -> None:
-        if self.textures and (self.uv is None or self.triangle_textures is None):
-            raise SceneError(f"scene {self.name!r} has textures; it needs uv and triangle_textures as well")
+        if self.uv is None or self.triangle_textures is None:
+            if self.textures or self.uv is not None or self.triangle_textures is not None:
+                raise SceneError(f"scene {self.name!r}: textures, uv and triangle_textures go together")
+            return
+        self._check_array("uv", self.uv, (len(self.vertices), 2), np.float32)
+        self._check_array("triangle_textures", self.triangle_textures, (len(self.triangles),), np.int32)
         for index, texture in enumerate(self.textures):
             self._check_array(f"texture {index}", texture, (None, None, 3), np.uint8)
             if not texture.size:
-                raise SceneError(f"scene {self.name!r}: texture {index} is empty")
-        if self.uv is not None:
-            self._check_array("uv", self.uv, (len(self.vertices), 2), np.float32)
-            if not np.isfinite(self.uv).all():
-                raise SceneError(f"scene {self.name!r} has texture coordinates that are NaN or infinite")
-        if self.triangle_textures is not None:
-            self._check_array("triangle_textures", self.triangle_textures, (len(self.triangles),), np.int32)
-            if self.triangle_textures.min() < -1 or self.triangle_textures.max() >= len(self.textures):
-                raise SceneError(f"scene {self.name!r} has a triangle of a texture that it does not list")
+                raise SceneError(f"scene {self.name!r}: texture {index} has no texels")
+        if not np.isfinite(self.uv).all():
+            raise SceneError(f"scene {self.name!r} has texture coordinates (uv) that are NaN or infinite")
+        low, high = int(self.triangle_textures.min()), int(self.triangle_textures.max())
+        if low < -1 or high >= len(self.textures):
+            wrong = low if low < -1 else high
+            raise SceneError(
+                f"scene {self.name!r} has a triangle that names texture {wrong}, and {len(self.textures)} textures"
+            )
 
     def _check_array(self, name: str, array: NDArray[np.generic], shape: tuple[int | None, ...], dtype: type) -> None:
         fits = array.ndim == len(shape) and all(

@@ -13,7 +13,7 @@ from scipy import ndimage
 
 from thinknav_sim.navigation.layers import surface_layers
 from thinknav_sim.navigation.obstacles import blocked_cells
-from thinknav_sim.navigation.uneven import STEP_NOISE_M, follow_floor, too_steep, unblocked
+from thinknav_sim.navigation.uneven import SHEET_SLACK_M, STEP_NOISE_M, follow_floor, too_steep, unblocked
 from thinknav_sim.render.renderer import Renderer
 from thinknav_sim.scene import Scene, SceneError
 
@@ -74,7 +74,7 @@ class NavigationGrid:
             layers = surface_layers(scene, renderer, low, cell, (rows, cols), height)
             layers = unblocked(layers, scene, low, cell, steps, height)
             floor = follow_floor(layers, level, max_climb, max_step, cell)
-            blocked = blocked_cells(scene.vertices, scene.triangles, floor, low, cell, steps, height)
+            blocked = blocked_cells(scene.vertices, scene.triangles, floor, low, cell, steps, height, SHEET_SLACK_M)
             blocked |= too_steep(floor, max_step, radius, cell)
         free = np.isfinite(floor) & ~blocked
         clearance = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] * cell

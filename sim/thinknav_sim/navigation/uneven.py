@@ -20,6 +20,8 @@ STEP_NOISE_M = 0.02
 # Holes of the scan up to twice this wide are floor, where no other surface lies below them.
 _HOLE_M = 0.25
 _BELOW_HOLE_M = 1.5
+# Walls of scans may have no thickness; rounding must not lose those that lie where two cells meet.
+SHEET_SLACK_M = 1e-5
 _ROW_STEPS = (1, -1, 0, 0)
 _COL_STEPS = (0, 0, 1, -1)
 
@@ -113,7 +115,7 @@ def unblocked(
     for height, stood in zip(layers.height, standable, strict=True):
         if stood.any():
             surface = np.where(stood, height, np.float32(np.nan))
-            stood &= ~blocked_cells(scene.vertices, scene.triangles, surface, origin, cell, low, high)
+            stood &= ~blocked_cells(scene.vertices, scene.triangles, surface, origin, cell, low, high, SHEET_SLACK_M)
     return Layers(layers.height, standable)
 
 

@@ -85,6 +85,7 @@ def _touching(
         triangles=scene.triangles[~loose],
         triangle_objects=scene.triangle_objects[~loose],
         textures=(),
+        uv=None,
         triangle_textures=None,
     )
     points = np.repeat(corners[loose].reshape(-1, 3), 6, axis=0)

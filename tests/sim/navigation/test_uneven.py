@@ -51,8 +51,9 @@ def test_a_level_room_is_the_same_either_way(make_room: MakeRoom, renderer: Rend
     room = make_room(walls=[(0.0, 0.0, 2.95, 5.0, 2.5, 3.05), table])
     flat = NavigationGrid.from_scene(room, renderer)
     followed = NavigationGrid.from_scene(replace(room, level_floors=False), renderer)
-    assert (flat.navigable != followed.navigable).mean() < 0.01
-    assert abs(int(flat.navigable.sum()) - int(followed.navigable.sum())) < 0.02 * flat.navigable.sum()
+    # Where walls stand exactly between two cells, both are blocked in scans.
+    assert (flat.navigable != followed.navigable).mean() < 0.02
+    assert (followed.navigable <= flat.navigable).all()
 
 
 def test_homes_are_level() -> None:
@@ -101,6 +102,14 @@ def test_furniture_is_not_climbed(renderer: Renderer) -> None:
     stool_by_bed = [(2.0, 0.0, 2.0, 2.3, 0.3, 4.0), (2.3, 0.0, 2.0, 4.0, 0.55, 4.0)]
     grid = NavigationGrid.from_scene(scan(stool_by_bed), renderer)
     assert stands(grid, (3.0, 3.0), (2.15, 3.0), (1.0, 1.0)) == [False, False, True]
+
+
+def test_a_wall_without_thickness_blocks_wherever_it_stands(renderer: Renderer) -> None:
+    for x in np.arange(5.0, 8.0, 0.25):  # binary fractions, where two cells meet
+        wall = ((x, 0.0, 0.0), (x, 0.0, 4.0), (x, 2.0, 0.0))
+        grid = NavigationGrid.from_scene(patches([level(0, 0, 9, 4), wall]), renderer)
+        assert stands(grid, (x - 0.01, 2.0), (x + 0.01, 2.0)) == [False, False]
+        assert grid.labels.max() == 2
 
 
 def test_small_holes_are_floor_and_pits_are_not(renderer: Renderer) -> None:
