@@ -23,7 +23,7 @@ setup: .venv/installed
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv \
 	  || { echo "could not make .venv; on Debian: sudo apt-get install python3-venv" >&2; exit 1; }
 	@echo 'installing into .venv (a few minutes the first time)'
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[server,train,dev]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[server,train,scans,dev]'
 	@touch $@
 
 demo: setup

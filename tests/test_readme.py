@@ -40,8 +40,9 @@ def test_python_blocks_run(page: str, code: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize(("page", "code"), [block for block in blocks("sh") if not MAKE.search(block[1])])
 def test_shell_blocks_run(page: str, code: str, tmp_path: Path) -> None:
     """Commands after a service in the background wait for it, as a person would."""
-    script = "set -e\ntrap 'kill $(jobs -p) 2>/dev/null || true' EXIT\n" + re.sub(r"&\n", f"&\n{WAIT}\n", code)
+    script = "set -e\ntrap 'for job in $(jobs -p); do kill $job; done' EXIT\n" + re.sub(r"&\n", f"&\n{WAIT}\n", code)
     env = os.environ | {"PATH": f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"}
+    env |= {"THINKNAV_CACHE": str(tmp_path / "cache")}
     command = ["bash", "-c", script]
     done = subprocess.run(command, cwd=tmp_path, env=env, capture_output=True, text=True, check=False)
     assert done.returncode == 0, f"{page}: {done.stderr}"

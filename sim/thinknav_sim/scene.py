@@ -61,6 +61,7 @@ class Scene:
     triangles: (T, 3) int32, indices into vertices; either winding order.
     colors: (V, 3) uint8 sRGB, one for each vertex, lighting included; interpolated over each triangle.
     triangle_objects: (T,) int32, the object_id that a triangle belongs to, -1 for the building and clutter.
+    level_floors: each floor has one height. Not so in scans, where the grid follows a floor over its steps.
     floors: heights of the walkable floors, metres.
     textures: images (H, W, 3) uint8 sRGB, row 0 at v = 0. A textured triangle has its texture's nearest texel alone for
     a colour, and textures repeat.
@@ -76,6 +77,7 @@ class Scene:
     colors: NDArray[np.uint8]
     triangle_objects: NDArray[np.int32]
     objects: tuple[ObjectInstance, ...] = ()
+    level_floors: bool = True
     floors: tuple[float, ...] = (0.0,)
     rooms: tuple[Room, ...] = field(default=())
     textures: tuple[NDArray[np.uint8], ...] = ()

@@ -30,6 +30,7 @@ class Section(BaseModel):
 class ScenesConfig(Section):
     """Which homes, and how many episodes in them."""
 
+    scans: tuple[str, ...] = Field((), description="scans to train in, instead of procedural homes (docs/scenes.md)")
     homes: int = Field(1, ge=1, description="procedural homes to train in")
     first_home: int = Field(0, ge=0, description="index of the first one in the training range of seeds")
     rooms: int | None = Field(None, ge=1, le=8, description="rooms of each home; none: the home decides")

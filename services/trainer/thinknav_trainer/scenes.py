@@ -4,13 +4,14 @@ Knows configuration and simulator; nothing of learning.
 """
 
 from dataclasses import dataclass
+from pathlib import Path
 
 from thinknav_sim.episodes import Episode, make_episodes, split_by_category
 from thinknav_sim.homes import generate_home, home_seed
 from thinknav_sim.navigation import NavigationGrid
 from thinknav_sim.render import Renderer, make_renderer
-from thinknav_sim.scene import Scene
-from thinknav_trainer.config import TrainConfig
+from thinknav_sim.scene import Scene, SceneError
+from thinknav_trainer.config import ScenesConfig, TrainConfig
 
 
 @dataclass(frozen=True)
@@ -23,12 +24,9 @@ class Homes:
 
 
 def make_homes(config: TrainConfig) -> Homes:
-    """Generate homes and episodes. They follow `config.scenes` alone: every seed of a run meets the same ones."""
+    """Homes, generated or scanned, and episodes. They follow `config.scenes` alone: every seed meets the same ones."""
     wanted = config.scenes
-    scenes = [
-        generate_home(home_seed("train", wanted.first_home + index), rooms=wanted.rooms)
-        for index in range(wanted.homes)
-    ]
+    scenes = _load_scans(wanted.scans) if wanted.scans else _generate(wanted)
     renderer = make_renderer()
     episodes: list[Episode] = []
     for index, scene in enumerate(scenes):
@@ -44,6 +42,26 @@ def make_homes(config: TrainConfig) -> Homes:
         )
     train, held_out = split_by_category(episodes, held_out=wanted.held_out, seed=0)
     return Homes(scenes, list(train), list(held_out))
+
+
+def _generate(wanted: ScenesConfig) -> list[Scene]:
+    return [
+        generate_home(home_seed("train", wanted.first_home + index), rooms=wanted.rooms)
+        for index in range(wanted.homes)
+    ]
+
+
+def _load_scans(paths: tuple[str, ...]) -> list[Scene]:
+    """The scans at these paths. Raises SceneError, also where two of them have one name: episodes go by it."""
+    from thinknav_sim.scans import load_scan
+
+    scenes: dict[str, Scene] = {}
+    for path in paths:
+        scene = load_scan(Path(path)).scene
+        if scene.name in scenes:
+            raise SceneError(f"scenes.scans: {path} is a second scene called {scene.name!r}; rename its file")
+        scenes[scene.name] = scene
+    return list(scenes.values())
 
 
 def make_grid(scene: Scene, renderer: Renderer, config: TrainConfig) -> NavigationGrid:

@@ -1,7 +1,7 @@
 """Where an agent can stand on one floor of a scene: a grid of 5 cm cells, as a navigation mesh would have it.
 
 Rows run along z and columns along x. Knows nothing of goals, distances or motion. A scene with several floors has one
-grid for each; stairs between them are not walked.
+grid for each. The floor of a scan is followed over steps (`uneven`), as far as no other part of it lies above or below.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from thinknav_sim.navigation.layers import surface_layers
 from thinknav_sim.navigation.obstacles import blocked_cells
+from thinknav_sim.navigation.uneven import SHEET_SLACK_M, STEP_NOISE_M, follow_floor, too_steep, unblocked
 from thinknav_sim.render.renderer import Renderer
 from thinknav_sim.scene import Scene, SceneError
 
@@ -46,11 +48,13 @@ class NavigationGrid:
         height: float = 0.88,
         max_climb: float = 0.1,
         floor_height: float | None = None,
+        max_step: float = 0.2,
     ) -> "NavigationGrid":
         """Find where an agent of this radius and height can stand.
 
         Rays cast down find the floor within `max_climb` of `floor_height` (the scene's first floor unless given);
         whatever reaches into the band between `max_climb` and `height` above it blocks, and is widened by `radius`.
+        Where the scene's floors are not level, the floor that begins there is followed over steps of `max_step`.
         Raises SceneError where hardly any floor is free, ValueError for lengths that are not positive.
         """
         if min(cell, radius, height, max_climb) <= 0 or max_climb >= height:
@@ -62,8 +66,16 @@ class NavigationGrid:
         # One ring of cells around the scene is outside of it, so that its rim is an obstacle too.
         low, high = scene.bounds.low[[0, 2]] - cell, scene.bounds.high[[0, 2]] + cell
         cols, rows = (int(n) for n in np.ceil((high - low) / cell - 1e-6))
-        floor = _floor_heights(scene, renderer, low, cell, (rows, cols), level, max_climb)
-        blocked = blocked_cells(scene.vertices, scene.triangles, floor, low, cell, max_climb, height)
+        if scene.level_floors:
+            floor = _floor_heights(scene, renderer, low, cell, (rows, cols), level, max_climb)
+            blocked = blocked_cells(scene.vertices, scene.triangles, floor, low, cell, max_climb, height)
+        else:
+            steps = max_step + STEP_NOISE_M
+            layers = surface_layers(scene, renderer, low, cell, (rows, cols), height)
+            layers = unblocked(layers, scene, low, cell, steps, height)
+            floor = follow_floor(layers, level, max_climb, max_step, cell)
+            blocked = blocked_cells(scene.vertices, scene.triangles, floor, low, cell, steps, height, SHEET_SLACK_M)
+            blocked |= too_steep(floor, max_step, radius, cell)
         free = np.isfinite(floor) & ~blocked
         clearance = ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] * cell
         labels = _components(clearance >= radius)

@@ -50,7 +50,7 @@ def _cells_between(low, high, origin, cell, count):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True)
-def _mark(vertices, triangles, floor, origin, cell, low, high, blocked):  # type: ignore[no-untyped-def]
+def _mark(vertices, triangles, floor, origin, cell, low, high, slack, blocked):  # type: ignore[no-untyped-def]
     rows, cols = floor.shape
     lowest, highest = np.nanmin(floor) + low, np.nanmax(floor) + high
     polygon = np.empty((_MAX_CORNERS, 3))
@@ -65,21 +65,21 @@ def _mark(vertices, triangles, floor, origin, cell, low, high, blocked):  # type
         if top <= lowest or bottom >= highest:
             continue
         low_z, high_z = _extent(polygon, 3, 2)
-        first_row, last_row = _cells_between(low_z, high_z, origin[1], cell, rows)
+        first_row, last_row = _cells_between(low_z - slack, high_z + slack, origin[1], cell, rows)
         for row in range(first_row, last_row + 1):
             z = origin[1] + row * cell
-            corners = _clip(polygon, 3, 2, -1.0, z, scratch)
-            corners = _clip(scratch, corners, 2, 1.0, z + cell, strip)
+            corners = _clip(polygon, 3, 2, -1.0, z - slack, scratch)
+            corners = _clip(scratch, corners, 2, 1.0, z + cell + slack, strip)
             if corners == 0:
                 continue
             low_x, high_x = _extent(strip, corners, 0)
-            first_col, last_col = _cells_between(low_x, high_x, origin[0], cell, cols)
+            first_col, last_col = _cells_between(low_x - slack, high_x + slack, origin[0], cell, cols)
             for col in range(first_col, last_col + 1):
                 if blocked[row, col] or not floor[row, col] + low < top or not bottom < floor[row, col] + high:
                     continue
                 x = origin[0] + col * cell
-                kept = _clip(strip, corners, 0, -1.0, x, scratch)
-                kept = _clip(scratch, kept, 0, 1.0, x + cell, column)
+                kept = _clip(strip, corners, 0, -1.0, x - slack, scratch)
+                kept = _clip(scratch, kept, 0, 1.0, x + cell + slack, column)
                 if kept > 0:
                     lowest_here, highest_here = _extent(column, kept, 1)
                     blocked[row, col] = highest_here > floor[row, col] + low and lowest_here < floor[row, col] + high
@@ -93,15 +93,17 @@ def blocked_cells(
     cell: float,
     low: float,
     high: float,
+    slack: float = 0.0,
 ) -> NDArray[np.bool_]:
     """The cells above whose floor a triangle passes through the band of heights an agent's body takes.
 
     vertices (V, 3), triangles (T, 3). floor: (rows, cols) height of the floor, NaN where there is none.
     origin: (2,) x and z of the outer corner of cell (0, 0). cell: its side. low, high: the band above the floor.
-    Metres.
+    slack: how far into a cell's neighbours a triangle counts; more than 0 catches sheets without thickness that lie
+    where two cells meet. Metres.
     Returns (rows, cols) bool.
     """
     blocked = np.zeros(floor.shape, np.bool_)
     if np.isfinite(floor).any():
-        _mark(vertices, triangles, floor, origin, cell, low, high, blocked)
+        _mark(vertices, triangles, floor, origin, cell, low, high, slack, blocked)
     return blocked

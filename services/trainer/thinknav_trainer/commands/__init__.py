@@ -1,1 +1,1 @@
-"""Groups of commands of `thinknav`, one file a group."""
+"""Groups of the `thinknav` command, a file each."""
