@@ -51,11 +51,26 @@ def draw_floor_map(scene: Scene, renderer: Renderer, grid: NavigationGrid, radiu
         scene_id, points.astype(np.float32), np.tile(np.array([0, -1, 0], np.float32), (len(points), 1))
     )
     renderer.remove_scene(scene_id)
-    colors = scene.colors[scene.triangles[hits.triangle]].mean(axis=1)
+    colors = colors_from_above(scene, points, hits.triangle)
     colors[hits.triangle < 0] = OUTSIDE_COLOR
     picture = colors.reshape(height, width, 3)
     picture[_walls(scene, points, grid, radius).reshape(height, width)] = WALL_COLOR
     return FloorMap(Image.fromarray(picture.astype(np.uint8)), (x0, z0))
+
+
+def colors_from_above(scene: Scene, points: NDArray[np.float64], triangles: NDArray[np.int32]) -> NDArray[np.float64]:
+    """(P, 3) vertex colours, interpolated, where points (P, 3) lie over their triangles (P,)."""
+    corners = scene.triangles[triangles]
+    a, b, c = (scene.vertices[corners[:, k]][:, [0, 2]].astype(np.float64) for k in range(3))
+    ab, ac, ap = b - a, c - a, points[:, [0, 2]] - a
+    area = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
+    upright = np.abs(area) < 1e-12  # hit on its edge: any of its colours will do
+    area[upright] = 1.0
+    v = np.where(upright, 0.0, (ap[:, 0] * ac[:, 1] - ap[:, 1] * ac[:, 0]) / area).clip(0, 1)
+    w = np.where(upright, 0.0, (ab[:, 0] * ap[:, 1] - ab[:, 1] * ap[:, 0]) / area).clip(0, 1)
+    weights = np.stack([1 - v - w, v, w], axis=1)
+    mixed: NDArray[np.float64] = np.einsum("pk,pkc->pc", weights, scene.colors[corners].astype(np.float64))
+    return mixed.clip(0, 255)
 
 
 def _walls(scene: Scene, points: NDArray[np.float64], grid: NavigationGrid, radius: float) -> NDArray[np.bool_]:
