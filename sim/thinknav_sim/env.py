@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from thinknav_sim.episodes import Episode, make_episodes
 from thinknav_sim.homes import generate_home
-from thinknav_sim.navigation import NavigationGrid
+from thinknav_sim.objectnav import make_grid
 from thinknav_sim.observations import Observations
 from thinknav_sim.render import make_renderer
 from thinknav_sim.scene import Scene
@@ -24,7 +24,7 @@ DEFAULT_EPISODES = 100
 def default_task(config: ObjectNavConfig = ObjectNavConfig()) -> tuple[tuple[Scene, ...], tuple[Episode, ...]]:
     """A generated home and episodes in it, for those who bring none."""
     home, renderer = generate_home(seed=0), make_renderer()
-    grid = NavigationGrid.from_scene(home, renderer, radius=config.agent_radius, height=config.agent_height)
+    grid = make_grid(home, renderer, config)
     return (home,), make_episodes(home, grid, DEFAULT_EPISODES, seed=0, config=config, renderer=renderer)
 
 

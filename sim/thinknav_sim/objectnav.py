@@ -22,6 +22,15 @@ _SAME_FLOOR_M = 0.5
 _START_TOLERANCE_M = 0.1
 
 
+def make_grid(
+    scene: Scene, renderer: Renderer, config: ObjectNavConfig, floor_height: float | None = None
+) -> NavigationGrid:
+    """Where the task's agent can stand in a scene; see `NavigationGrid.from_scene`."""
+    return NavigationGrid.from_scene(
+        scene, renderer, radius=config.agent_radius, height=config.agent_height, floor_height=floor_height
+    )
+
+
 @dataclass(frozen=True)
 class PreparedScene:
     """A scene, its grid, and the goals that were asked for. scene_id: the renderer's."""
@@ -85,9 +94,7 @@ class ObjectNavWorld:
         self.scene_ids = np.array([prepared.scene_id for prepared in self.prepared], np.int64)
 
     def _prepare(self, scene: Scene) -> PreparedScene:
-        grid = NavigationGrid.from_scene(
-            scene, self.renderer, radius=self.config.agent_radius, height=self.config.agent_height
-        )
+        grid = make_grid(scene, self.renderer, self.config)
         return PreparedScene(scene, self.renderer.add_scene(scene), grid)
 
     def _check_episodes(self, index_of: dict[str, int]) -> None:

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from thinknav_sim.episodes import Episode, make_episodes, split_by_category
 from thinknav_sim.homes import generate_home, home_seed
-from thinknav_sim.navigation import NavigationGrid
-from thinknav_sim.render import Renderer, make_renderer
+from thinknav_sim.objectnav import make_grid
+from thinknav_sim.render import make_renderer
 from thinknav_sim.scene import Scene, SceneError
 from thinknav_trainer.config import ScenesConfig, TrainConfig
 
@@ -32,7 +32,7 @@ def make_homes(config: TrainConfig) -> Homes:
     for index, scene in enumerate(scenes):
         episodes += make_episodes(
             scene,
-            make_grid(scene, renderer, config),
+            make_grid(scene, renderer, config.env),
             wanted.episodes,
             seed=wanted.first_home + index,
             min_distance=wanted.min_distance,
@@ -62,8 +62,3 @@ def _load_scans(paths: tuple[str, ...]) -> list[Scene]:
             raise SceneError(f"scenes.scans: {path} is a second scene called {scene.name!r}; rename its file")
         scenes[scene.name] = scene
     return list(scenes.values())
-
-
-def make_grid(scene: Scene, renderer: Renderer, config: TrainConfig) -> NavigationGrid:
-    """Where the configuration's agent can stand in a scene."""
-    return NavigationGrid.from_scene(scene, renderer, radius=config.env.agent_radius, height=config.env.agent_height)

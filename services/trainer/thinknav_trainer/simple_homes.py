@@ -12,8 +12,9 @@ from pathlib import Path
 from thinknav_sim.episodes import Episode, EpisodeError, make_episodes, split_by_category
 from thinknav_sim.habitat import HabitatDataset, HabitatFile, SceneGoals, category_ids, write_dataset
 from thinknav_sim.homes import generate_home, home_seed
-from thinknav_sim.navigation import NavigationGrid, navigation_complexity
-from thinknav_sim.render import Renderer, make_renderer
+from thinknav_sim.navigation import navigation_complexity
+from thinknav_sim.objectnav import make_grid
+from thinknav_sim.render import make_renderer
 from thinknav_sim.scene import Scene
 from thinknav_sim.task_config import ObjectNavConfig
 
@@ -58,7 +59,7 @@ def rank_homes(indices: Sequence[int], rooms: int | None, config: ObjectNavConfi
     for index in indices:
         seed = home_seed("train", index)
         scene = generate_home(seed, rooms)
-        complexity = navigation_complexity(_grid(scene, renderer, config))
+        complexity = navigation_complexity(make_grid(scene, renderer, config))
         logger.info("%s has navigation complexity %.2f", scene.name, complexity)
         ranked.append(Candidate(scene.name, index, seed, rooms, round(complexity, 4)))
     return sorted(ranked, key=lambda candidate: (candidate.complexity, candidate.index))
@@ -85,7 +86,7 @@ def write_episodes(
     goals: dict[str, SceneGoals] = {}
     for candidate in candidates[:keep]:
         scene = candidate.scene()
-        grid = _grid(scene, renderer, config)
+        grid = make_grid(scene, renderer, config)
         goals[scene.name] = SceneGoals.of(scene, grid, renderer, config)
         episodes += make_episodes(
             scene,
@@ -114,7 +115,3 @@ def _dataset(episodes: Sequence[Episode], goals: dict[str, SceneGoals]) -> Habit
     }
     index = HabitatFile.model_validate({"episodes": (), **category_ids()})
     return HabitatDataset(index=index, content=content)
-
-
-def _grid(scene: Scene, renderer: Renderer, config: ObjectNavConfig) -> NavigationGrid:
-    return NavigationGrid.from_scene(scene, renderer, radius=config.agent_radius, height=config.agent_height)

@@ -11,9 +11,10 @@ from rich.console import Console
 from rich.markup import escape
 
 from thinknav_sim.navigation import NavigationGrid
+from thinknav_sim.objectnav import make_grid
 from thinknav_sim.render import make_renderer
 from thinknav_sim.scans import Scan, ScanOptions, Units, UpAxis, load_scan, write_scene
-from thinknav_sim.scene import GOAL_CATEGORIES, Scene, SceneError
+from thinknav_sim.scene import GOAL_CATEGORIES, SceneError
 from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_trainer.report.scene_picture import draw_scene
 
@@ -44,7 +45,7 @@ def import_scene(
     scene = scan.scene
     config = ObjectNavConfig()
     renderer = make_renderer()
-    grids = _grids(scene, renderer, config)
+    grids = [make_grid(scene, renderer, config, level) for level in scene.floors]
     picture = draw_scene(scene, renderer, grids, config.agent_radius)
     console = Console()
     _describe(console, scan, grids, seconds)
@@ -55,15 +56,6 @@ def import_scene(
         raise SceneError(f"cannot write to {output}: {error.strerror or error}") from None
     console.print(f"scene: {output / f'{scene.name}.npz'}", soft_wrap=True, markup=False)
     console.print(f"picture: {output / f'{scene.name}.png'}", soft_wrap=True, markup=False)
-
-
-def _grids(scene: Scene, renderer, config: ObjectNavConfig) -> list[NavigationGrid]:  # type: ignore[no-untyped-def]
-    return [
-        NavigationGrid.from_scene(
-            scene, renderer, radius=config.agent_radius, height=config.agent_height, floor_height=level
-        )
-        for level in scene.floors
-    ]
 
 
 def _describe(console: Console, scan: Scan, grids: list[NavigationGrid], seconds: float) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image, ImageDraw, ImageFont
 
 from thinknav_sim.navigation import NavigationGrid
+from thinknav_sim.objectnav import make_grid
 from thinknav_sim.render import Camera, Renderer, make_renderer
 from thinknav_sim.scene import GOAL_CATEGORIES, Scene
 from thinknav_sim.task_config import ObjectNavConfig
@@ -30,7 +31,7 @@ def write_home_pictures(scene: Scene, folder: Path) -> list[Path]:
     """Write `{scene}-plan.png` and `{scene}-view-1.png` to `-4.png`; returns their paths."""
     config = ObjectNavConfig()
     renderer = make_renderer()
-    grid = NavigationGrid.from_scene(scene, renderer, radius=config.agent_radius, height=config.agent_height)
+    grid = make_grid(scene, renderer, config)
     folder.mkdir(parents=True, exist_ok=True)
     plan = draw_plan(scene, draw_floor_map(scene, renderer, grid, config.agent_radius))
     pictures = {"plan": plan} | {

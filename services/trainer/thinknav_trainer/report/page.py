@@ -7,13 +7,14 @@ from typing import Any
 
 import jinja2
 
+from thinknav_sim.objectnav import make_grid
 from thinknav_sim.render import make_renderer
 from thinknav_trainer.evaluate import EpisodeRecord, read_evaluation
 from thinknav_trainer.report.curves import draw_curve, panels
 from thinknav_trainer.report.floor_map import draw_floor_map, draw_path
 from thinknav_trainer.report.video import Played, to_png, write_video
 from thinknav_trainer.run import RunError, read_config, read_metrics
-from thinknav_trainer.scenes import make_grid, make_homes
+from thinknav_trainer.scenes import make_homes
 
 ROWS = (
     ("success", "success"),
@@ -70,7 +71,7 @@ def _draw_episode(folder: Path, record: EpisodeRecord) -> dict[str, str]:
     config = read_config(folder)
     scene = next(scene for scene in make_homes(config).scenes if scene.name == record.scene)
     renderer = make_renderer()
-    floor_map = draw_floor_map(scene, renderer, make_grid(scene, renderer, config), config.env.agent_radius)
+    floor_map = draw_floor_map(scene, renderer, make_grid(scene, renderer, config.env), config.env.agent_radius)
     thoughts = dict(record.thoughts)
     picture = to_png(draw_path(floor_map, scene, record.category, record.path, list(thoughts)))
     (folder / "map.png").write_bytes(picture)
