@@ -1,0 +1,208 @@
+"""Lessons for the subgoal VLM: pictures of a home, what to ask about them, and what the teacher answers.
+
+A stream of lessons is made of visits to homes, each drawn from its number alone, so that a stream can be taken up
+again anywhere. Several processes may draw at once (`torch.utils.data.DataLoader`).
+"""
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from torch.utils.data import IterableDataset, get_worker_info
+
+from thinknav_sim.homes import generate_home, home_seed
+from thinknav_sim.render import Camera, make_renderer
+from thinknav_sim.scene import GOAL_CATEGORIES, Scene
+from thinknav_sim.task_config import Action, ObjectNavConfig
+from thinknav_trainer.model_training.routes import Looks, draw_looks
+from thinknav_trainer.model_training.sentences import PLAN_SENTENCES, Passage, subgoal_sentence
+from thinknav_trainer.model_training.surroundings import surroundings
+from thinknav_trainer.model_training.teacher import NO_WAY, HomeTeacher
+from thinknav_trainer.model_training.visible import SeenObject, objects_in_view
+
+# An object of fewer pixels than this share of the picture is not in view.
+IN_VIEW_SHARE = 0.003
+_SPACING_M, _POINTS = 0.25, 20  # of the way ahead, to find where it leaves the room
+_PLANS = 8  # of a visit
+GOALS_ASKED = 3  # of each look
+
+
+@dataclass(frozen=True)
+class Lesson:
+    """One visit to a home: V pictures, Q looks at them, and for each look G goals.
+
+    pictures: (V, S, S, 3) uint8. shares: (V, 8, 8, 6) and farness: (V, 8, 8) float32, see `surroundings`. views: (Q, 1 + K) and headings (Q, K), as `Looks` has them.
+    goals: (Q, G) int64, first the one that is looked for, then others of the home.
+    actions: (Q, G) int8, NO_WAY without one. bearings, distances: (Q, G) float32, of the way. in_view: (Q, G) bool.
+    sentences: Q lists of G, "" without a way. plans: (look, goal, sentences) of some.
+    """
+
+    pictures: NDArray[np.uint8]
+    shares: NDArray[np.float32]
+    farness: NDArray[np.float32]
+    views: NDArray[np.int64]
+    headings: NDArray[np.float32]
+    goals: NDArray[np.int64]
+    actions: NDArray[np.int8]
+    bearings: NDArray[np.float32]
+    distances: NDArray[np.float32]
+    in_view: NDArray[np.bool_]
+    sentences: list[list[str]]
+    plans: list[tuple[int, int, list[str]]]
+
+
+def planner_home(index: int) -> Scene:
+    """Home number `index` of those that planners are trained in."""
+    return generate_home(home_seed("planner", index))
+
+
+class LessonStream(IterableDataset[Lesson]):
+    """Endless visits, from number `start` on, to `homes` homes in turn.
+
+    make_home: home number (below `homes`) to scene.
+    """
+
+    def __init__(
+        self,
+        homes: int,
+        size: int,
+        start: int = 0,
+        make_home: Callable[[int], Scene] = planner_home,
+        looks: tuple[int, int, int] = (7, 8, 8),
+    ) -> None:
+        self.homes, self.size, self.start = homes, size, start
+        self.make_home, self.looks = make_home, looks
+
+    def __iter__(self) -> Iterator[Lesson]:
+        worker = get_worker_info()
+        number, step = (self.start, 1) if worker is None else (self.start + worker.id, worker.num_workers)
+        task = ObjectNavConfig(width=self.size, height=self.size)
+        renderer = make_renderer()
+        while True:
+            teacher = HomeTeacher(self.make_home(number % self.homes), renderer, task)
+            rng = np.random.default_rng([number, 20_11])
+            yield give_lesson(teacher, rng, draw_looks(teacher, rng, *self.looks))
+            teacher.close()
+            number += step
+
+
+def give_lesson(teacher: HomeTeacher, rng: np.random.Generator, looks: Looks) -> Lesson:
+    """Take the pictures of some looks and say what the teacher would."""
+    task = teacher.task
+    camera = Camera(task.width, task.height, task.hfov, task.camera_height)
+    pictures, depth = teacher.renderer.render(np.full(len(looks.poses), teacher.scene_id), looks.poses, camera)
+    present = looks.poses[looks.views[:, 0]]
+    seen = [
+        tuple(item for item in items if item.share >= IN_VIEW_SHARE)
+        for items in objects_in_view(teacher.scene, present, depth[looks.views[:, 0], :, :, 0], camera)
+    ]
+    goals = _with_others(teacher, rng, looks.goals)
+    ways = teacher.ways(present, goals)
+    shares, farness = surroundings(teacher.scene, looks.poses, depth[..., 0], camera)
+    return Lesson(
+        pictures=pictures,
+        shares=shares,
+        farness=farness,
+        views=looks.views,
+        headings=looks.headings,
+        goals=goals,
+        actions=ways.actions,
+        bearings=ways.bearings,
+        distances=ways.distances,
+        in_view=np.array(
+            [
+                [any(item.category == GOAL_CATEGORIES[goal] for item in items) for goal in row]
+                for row, items in zip(goals, seen, strict=True)
+            ]
+        ),
+        sentences=[
+            [_sentence(teacher, rng, pose, items, int(goal), int(action)) for goal, action in zip(*row, strict=True)]
+            for pose, items, *row in zip(present, seen, goals, ways.actions, strict=True)
+        ],
+        plans=_plans(teacher, rng, present, looks.goals),
+    )
+
+
+def _with_others(
+    teacher: HomeTeacher, rng: np.random.Generator, goals: NDArray[np.int64]
+) -> NDArray[np.int64]:
+    """(Q, GOALS_ASKED): each look's own goal (Q,), then others that can be reached, without repetition if it can be."""
+    rows = []
+    for goal in goals.tolist():
+        others = [other for other in teacher.reachable if other != goal] or [goal]
+        extra = rng.choice(others, GOALS_ASKED - 1, replace=len(others) < GOALS_ASKED - 1)
+        rows.append([goal, *extra.tolist()])
+    return np.array(rows, np.int64)
+
+
+def _sentence(
+    teacher: HomeTeacher,
+    rng: np.random.Generator,
+    pose: NDArray[np.float64],
+    seen: tuple[SeenObject, ...],
+    goal: int,
+    action: int,
+) -> str:
+    if action == NO_WAY:
+        return ""
+    passage = None if action == Action.STOP else _passage(teacher, pose, goal)
+    here = _room(teacher.scene, pose[0], pose[2])
+    return subgoal_sentence(rng, GOAL_CATEGORIES[goal], Action(action), seen, here, passage)
+
+
+def _room(scene: Scene, x: float, z: float) -> str:
+    """The function of the room at a place; "room" in a scene without any."""
+    for room in scene.rooms:
+        x0, z0, x1, z1 = room.bounds
+        if x0 - 0.1 <= x <= x1 + 0.1 and z0 - 0.1 <= z <= z1 + 0.1:
+            return room.function
+    return "room"
+
+
+def _passage(teacher: HomeTeacher, pose: NDArray[np.float64], goal: int) -> Passage | None:
+    """Where the way to a goal leaves the room, if it does so soon."""
+    if not teacher.scene.rooms:
+        return None
+    here = _room(teacher.scene, pose[0], pose[2])
+    for number, (x, z) in enumerate(teacher.points_ahead(pose, goal, _POINTS, _SPACING_M).tolist()):
+        there = _room(teacher.scene, x, z)
+        if there != here:
+            bearing = math.atan2(-(x - pose[0]), -(z - pose[2])) - pose[3]
+            return Passage(_SPACING_M * (number + 1), math.remainder(bearing, 2 * math.pi), here, there)
+    return None
+
+
+def _plans(
+    teacher: HomeTeacher, rng: np.random.Generator, present: NDArray[np.float64], goals: NDArray[np.int64]
+) -> list[tuple[int, int, list[str]]]:
+    """Whole ways from some looks: what to do at each turning, at most PLAN_SENTENCES of it."""
+    chosen = rng.choice(len(present), min(_PLANS, len(present)), replace=False).tolist()
+    return [(look, int(goals[look]), plan_sentences(teacher, rng, present[look], int(goals[look]))) for look in chosen]
+
+
+def plan_sentences(
+    teacher: HomeTeacher, rng: np.random.Generator, pose: NDArray[np.float64], goal: int
+) -> list[str]:
+    """The way to a goal in a few sentences; the last one stops there, unless the way is too long for it."""
+    points = teacher.points_ahead(pose, goal, 60, 2 * _SPACING_M)
+    corners = [pose[[0, 2]], *points]
+    sentences: list[str] = []
+    heading, name = float(pose[3]), GOAL_CATEGORIES[goal]
+    for (ax, az), (bx, bz) in zip(corners, corners[1:], strict=False):
+        if math.hypot(bx - ax, bz - az) < 1e-6:
+            break
+        toward = math.atan2(-(bx - ax), -(bz - az))
+        turned = math.remainder(toward - heading, 2 * math.pi)
+        action = Action.MOVE_FORWARD
+        if abs(turned) > math.radians(35):
+            action = Action.TURN_LEFT if turned > 0 else Action.TURN_RIGHT
+            heading = toward
+        here, there = _room(teacher.scene, ax, az), _room(teacher.scene, bx, bz)
+        passage = Passage(0.0, 0.0, here, there) if here != there and action == Action.MOVE_FORWARD else None
+        new_leg = not sentences or action != Action.MOVE_FORWARD or passage is not None
+        if new_leg or sentences[-1].startswith("turn"):
+            sentences.append(subgoal_sentence(rng, name, action, (), here, passage))
+    sentences = sentences[: PLAN_SENTENCES - 1]
+    return [*sentences, subgoal_sentence(rng, name, Action.STOP, (), "room", None)]
