@@ -1,0 +1,155 @@
+"""How well the subgoal VLM knows the way, in homes that it has not seen, beside four controls.
+
+Controls: what is asked most often; a blank frame; another home's frame; another goal. An accuracy that a control reaches
+too was not won by looking.
+"""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+
+from thinknav_models.subgoal_network import SubgoalNetwork
+from thinknav_sim.homes import generate_home, home_seed
+from thinknav_sim.scene import GOAL_CATEGORIES, Scene
+from thinknav_sim.task_config import Action
+from thinknav_trainer.model_training.lessons import Lesson, LessonStream
+from thinknav_trainer.model_training.subgoal_batch import Collator, without_earlier_views
+from thinknav_trainer.model_training.subgoal_training import answer_hidden
+
+Control = Literal["none", "blank frame", "another frame", "another goal"]
+CONTROLS: tuple[Control, ...] = ("none", "blank frame", "another frame", "another goal")
+
+# Looks of a visit (routes, near goals, anywhere): one's exam is anywhere, as the controls and peers have it.
+ANYWHERE = (0, 0, 24)
+UNDER_WAY = (6, 6, 0)
+
+_BLANK = 128
+_BINS = 10
+
+
+def validation_home(index: int) -> Scene:
+    """Home number `index` of those that nothing is trained in."""
+    return generate_home(home_seed("val", index))
+
+
+@dataclass(frozen=True)
+class Marks:
+    """B questions with an answer. chances: (B, 4) float32, of each of DIRECTIONS. right: (B,) int64. in_view: (B,) bool."""
+
+    chances: NDArray[np.float32]
+    right: NDArray[np.int64]
+    in_view: NDArray[np.bool_]
+
+    def accuracy(self, chosen: NDArray[np.bool_]) -> float:
+        """Share of the chosen questions (B,) in which the likeliest direction is right."""
+        return float((self.chances.argmax(axis=1) == self.right)[chosen].mean()) if chosen.any() else float("nan")
+
+    def way_accuracy(self, chosen: NDArray[np.bool_]) -> float:
+        """The same among the questions whose answer is not `stop`, of left, right and forward."""
+        asked = chosen & (self.right != Action.STOP)
+        likeliest = self.chances[:, 1:].argmax(axis=1) + 1
+        return float((likeliest == self.right)[asked].mean()) if asked.any() else float("nan")
+
+
+def exam_lessons(homes: range, looks: tuple[int, int, int]) -> list[Lesson]:
+    """One visit to each of some validation homes."""
+    stream = iter(LessonStream(homes.stop, 128, homes.start, validation_home, looks))
+    return [next(stream) for _ in homes]
+
+
+@torch.inference_mode()
+def mark(
+    network: SubgoalNetwork, collate: Collator, lessons: Sequence[Lesson], *, several: bool, control: Control = "none"
+) -> Marks:
+    """Let the network answer. several: show it the earlier views too."""
+    network.eval()
+    parts = []
+    for asked, lesson in zip(_controlled(lessons, control), lessons, strict=True):
+        if not several:
+            asked = without_earlier_views(asked, np.ones(len(asked.views), np.bool_))
+        batch = collate([asked])
+        hidden = answer_hidden(network, network.trunk(batch.pictures), batch.subgoals)
+        logits = network.logits(hidden[:, 0])[:, list(collate.vocabulary.directions)]
+        known = lesson.actions.ravel() >= 0
+        chances = logits.softmax(dim=1).numpy()[known]
+        parts.append((chances, lesson.actions.ravel()[known].astype(np.int64), lesson.in_view.ravel()[known]))
+    chances, right, in_view = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return Marks(chances, right, in_view)
+
+
+def _controlled(lessons: Sequence[Lesson], control: Control) -> Iterator[Lesson]:
+    for lesson, other in zip(lessons, [*lessons[1:], lessons[0]], strict=True):
+        if control == "blank frame":
+            yield replace(lesson, pictures=np.full_like(lesson.pictures, _BLANK))
+        elif control == "another frame":
+            rows = np.arange(len(lesson.pictures)) % len(other.pictures)
+            yield replace(lesson, pictures=other.pictures[rows])
+        elif control == "another goal":
+            yield replace(lesson, goals=(lesson.goals + 1) % len(GOAL_CATEGORIES))
+        else:
+            yield lesson
+
+
+def accuracy_table(marks: dict[str, Marks]) -> list[dict[str, float | str]]:
+    """A row for each name: accuracy of all four directions and of the way, with the goal in view and not."""
+    rows: list[dict[str, float | str]] = []
+    for name, each in marks.items():
+        everything = np.ones(len(each.right), np.bool_)
+        rows.append(
+            {
+                "name": name,
+                "all": each.accuracy(everything),
+                "all, in view": each.accuracy(each.in_view),
+                "all, not in view": each.accuracy(~each.in_view),
+                "way, in view": each.way_accuracy(each.in_view),
+                "way, not in view": each.way_accuracy(~each.in_view),
+            }
+        )
+    return rows
+
+
+def majority(marks: Marks) -> Marks:
+    """What always saying the commonest answer would get: the commonest in view, and the commonest not in view."""
+    chances = np.zeros_like(marks.chances)
+    for chosen in (marks.in_view, ~marks.in_view):
+        counts = np.bincount(marks.right[chosen], minlength=chances.shape[1])
+        chances[chosen] = counts / max(1, counts.sum())
+    return replace(marks, chances=chances)
+
+
+@dataclass(frozen=True)
+class StopMarks:
+    """`stop` at a gate. false_rate: false stops over all questions."""
+
+    gate: float
+    precision: float
+    recall: float
+    false_rate: float
+
+
+def stop_marks(marks: Marks, gate: float) -> StopMarks:
+    """How `stop` does when it is said from a probability of `gate` on."""
+    said, right = marks.chances[:, Action.STOP] >= gate, marks.right == Action.STOP
+    hits = float((said & right).sum())
+    return StopMarks(gate, hits / max(1, said.sum()), hits / max(1, right.sum()), float((said & ~right).mean()))
+
+
+def gate_for_recall(marks: Marks, recall: float) -> float:
+    """The highest gate at which so many of the true stops are said."""
+    chances = np.sort(marks.chances[marks.right == Action.STOP, Action.STOP])[::-1]
+    return float(chances[int(np.ceil(recall * len(chances))) - 1])
+
+
+def calibration(marks: Marks) -> Iterable[tuple[float, float, int]]:
+    """Of answers by their confidence, in bins: mean confidence, share that is right, how many."""
+    confidence = marks.chances.max(axis=1)
+    right = marks.chances.argmax(axis=1) == marks.right
+    bins = np.minimum((confidence * _BINS).astype(np.int64), _BINS - 1)
+    for number in range(_BINS):
+        chosen = bins == number
+        if chosen.any():
+            yield float(confidence[chosen].mean()), float(right[chosen].mean()), int(chosen.sum())
