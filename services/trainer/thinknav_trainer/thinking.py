@@ -27,6 +27,7 @@ from thinknav_trainer.config import ThinkConfig
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.patience import Patience
 from thinknav_trainer.planner import PlannerClient, encode_frame
+from thinknav_trainer.recent_frames import RecentFrames
 from thinknav_trainer.rewards import REWARD_SCHEMES, Terms, ThinkStep
 
 NOTHING_TO_JUDGE = -1
@@ -39,12 +40,18 @@ def task_description(category: str) -> str:
 
 @dataclass(frozen=True)
 class Thought:
-    """One reply: which env asked, for which goal, what came back. subgoal is None when the planner failed."""
+    """One reply: which env asked, for which goal, what came back.
+
+    subgoal: None when the planner failed. confidence: None from a planner that has none. seconds: what the reply took
+    by the service's account, waiting in its queue included.
+    """
 
     env: int
     goal: str
     subgoal: str | None
     error: str | None = None
+    confidence: float | None = None
+    seconds: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -99,6 +106,7 @@ class ThinkingEnv:
         self._to_judge = np.full(env.num_envs, NOTHING_TO_JUDGE)  # the action that the last subgoal called for
         self._term_sums: dict[str, NDArray[np.float64]] = {}
         self._request_number = 0
+        self._frames = RecentFrames(env, config)
         self._descriptions = (
             np.zeros((0, 0), np.float32)
             if planner is None
@@ -113,6 +121,7 @@ class ThinkingEnv:
         """Start all episodes anew."""
         observations, _ = self.env.reset()
         self._to_judge[:] = NOTHING_TO_JUDGE
+        self._frames.forget(range(self.num_envs))
         for sums in self._term_sums.values():
             sums[:] = 0
         if self._planner is not None:
@@ -122,6 +131,7 @@ class ThinkingEnv:
     def step(self, actions: NDArray[np.int64]) -> Step:
         """Move, and think where the action says so. Raises Unavailable when the planner has been gone too long."""
         thinking = np.flatnonzero(actions == Action.THINK)
+        self._frames.look(range(self.num_envs))
         embeddings, thoughts = self._think(thinking)
         observations, rewards, terminated, truncated, infos = self.env.step(actions)
         terms: Terms = dict(infos["reward_terms"])
@@ -148,7 +158,8 @@ class ThinkingEnv:
         for row, (env, goal, reply) in enumerate(zip(envs.tolist(), goals, replies, strict=True)):
             if isinstance(reply, SubgoalReply):
                 embeddings[row] = reply.embedding
-                thoughts.append(Thought(env, goal, reply.subgoal))
+                seconds = reply.timings.queued + reply.timings.planned + reply.timings.embedded
+                thoughts.append(Thought(env, goal, reply.subgoal, None, reply.confidence, seconds))
             else:
                 thoughts.append(Thought(env, goal, None, f"{type(reply).__name__}: {reply}"))
         answered = sum(thought.subgoal is not None for thought in thoughts)
@@ -160,14 +171,17 @@ class ThinkingEnv:
 
     def _requests(self, envs: NDArray[np.intp], goals: Sequence[str]) -> list[SubgoalRequest]:
         size = self._config.frame_size
+        poses = self.env.poses
         requests = []
-        for frame, goal in zip(self.env.frames(envs, size, size), goals, strict=True):
+        for env, frame, goal in zip(envs.tolist(), self.env.frames(envs, size, size), goals, strict=True):
             self._request_number += 1
             requests.append(
                 SubgoalRequest(
                     request_id=str(self._request_number),
                     goal=goal,
                     frame=encode_frame(frame, self._config.frame_encoding),
+                    recent=self._frames.before(env, poses[env]),
+                    temperature=self._config.temperature,
                     deadline=self._config.deadline,
                 )
             )
@@ -212,6 +226,7 @@ class ThinkingEnv:
             sums = {name: float(values[env]) for name, values in self._term_sums.items()}
             ended.append(EpisodeEnd(env, int(infos["episode_index"][env]), measures, sums))
         self._to_judge[done] = NOTHING_TO_JUDGE
+        self._frames.forget(np.flatnonzero(done).tolist())
         for total in self._term_sums.values():
             total[done] = 0
         return ended
@@ -224,6 +239,7 @@ class ThinkingEnv:
             "term_sums": {name: values.copy() for name, values in self._term_sums.items()},
             "counts": asdict(self.counts),
             "request_number": self._request_number,
+            "frames": self._frames.state_dict(),
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
@@ -233,3 +249,4 @@ class ThinkingEnv:
         self._term_sums = {name: values.copy() for name, values in state["term_sums"].items()}
         self.counts = ThinkCounts(**state["counts"])
         self._request_number = state["request_number"]
+        self._frames.load_state_dict(state["frames"])
