@@ -58,9 +58,14 @@ class Actor:
 
     def advance(self, decision: Decision, done: NDArray[np.bool_]) -> None:
         """The actions were taken; where an episode ended, forget it."""
+        self.previous, self.hidden = decision.actions, decision.hidden
+        self.forget(done)
+
+    def forget(self, done: NDArray[np.bool_]) -> None:
+        """Episodes (N,) ended."""
         ended = torch.from_numpy(done)
-        self.previous = torch.where(ended, NO_ACTION, decision.actions)
-        self.hidden = decision.hidden * ~ended[None, None, :, None]
+        self.previous = torch.where(ended, NO_ACTION, self.previous)
+        self.hidden = self.hidden * ~ended[None, None, :, None]
 
     def _forward(
         self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor
