@@ -108,6 +108,11 @@ class TrainConfig(Section):
     max_minutes: float | None = Field(None, gt=0, description="stop after this wall time even if steps are left")
     num_envs: int = Field(16, ge=1, description="agents that move in one batch")
     threads: int = Field(0, ge=0, description="threads of torch and of the renderer; 0: the machine's cores")
+    deterministic: bool = Field(
+        False,
+        description="wait for every reply before anyone moves on: slower, and the same numbers every time; "
+        "false: who waits for the planner holds nobody up",
+    )
     planner: str = Field("http://127.0.0.1:8765", description="where the planning service is")
     checkpoint_every: int = Field(20_000, ge=1, description="environment steps between checkpoints")
     keep_checkpoints: int = Field(3, ge=1, description="how many are kept")

@@ -21,7 +21,7 @@ from thinknav_proto import (
     Unauthenticated,
     Unavailable,
 )
-from thinknav_trainer.planner.client import Counts, PlannerClient
+from thinknav_trainer.planner.client import Answer, Counts, PlannerClient
 from thinknav_trainer.planner.connect import connect
 from thinknav_trainer.planner.frames import encode_frame
 from thinknav_trainer.planner.function_transport import FunctionTransport
@@ -31,6 +31,7 @@ from thinknav_trainer.planner.transport import Transport
 
 __all__ = [
     "MOCK_INFO",
+    "Answer",
     "Counts",
     "DeadlineExceeded",
     "Frame",
