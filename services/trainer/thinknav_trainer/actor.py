@@ -79,17 +79,15 @@ class Actor:
 
     def advance(self, decision: Decision, done: NDArray[np.bool_], agents: Rows = EVERYONE) -> None:
         """Some agents took their actions; where an episode ended (n,), forget it."""
+        previous, hidden = _without_ended(decision.actions, decision.hidden, done)
         if isinstance(agents, slice):
-            self.previous, self.hidden = decision.actions.clone(), decision.hidden.clone()
+            self.previous, self.hidden = previous, hidden
         else:
-            self.previous[agents], self.hidden[:, :, agents] = decision.actions, decision.hidden
-        self.forget(done, agents)
+            self.previous[agents], self.hidden[:, :, agents] = previous, hidden
 
-    def forget(self, done: NDArray[np.bool_], agents: Rows = EVERYONE) -> None:
-        """Episodes of some agents ended: done (n,)."""
-        ended = torch.from_numpy(done)
-        self.previous[agents] = torch.where(ended, NO_ACTION, self.previous[agents])
-        self.hidden[:, :, agents] = self.hidden[:, :, agents] * ~ended[None, None, :, None]
+    def forget(self, done: NDArray[np.bool_]) -> None:
+        """Episodes (N,) ended."""
+        self.previous, self.hidden = _without_ended(self.previous, self.hidden, done)
 
     def _forward(
         self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor
@@ -105,3 +103,9 @@ class Actor:
     def load_state_dict(self, state: dict[str, Any]) -> None:
         self.previous, self.hidden = state["previous"], state["hidden"]
         self._generator.set_state(state["generator"])
+
+
+def _without_ended(actions: Tensor, hidden: Tensor, done: NDArray[np.bool_]) -> tuple[Tensor, Tensor]:
+    """Last actions (n,) and states (2, layers, n, H), as they are at the start of an episode where one ended (n,)."""
+    ended = torch.from_numpy(done)
+    return torch.where(ended, NO_ACTION, actions), hidden * ~ended[None, None, :, None]
