@@ -293,6 +293,11 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
         """(N,) which of `episodes` the envs play."""
         return self._states.episodes.copy()
 
+    def would_succeed(self) -> NDArray[np.bool_]:
+        """(N,) whether each agent would succeed by stopping now. Privileged: no agent is told in the task."""
+        everyone = np.arange(self.num_envs)
+        return self._judge(everyone, np.ones(self.num_envs, np.bool_))
+
     def grid(self, scene_index: int) -> NavigationGrid:
         """The navigation grid of one of `scenes`."""
         return self.world.grid(scene_index)

@@ -140,6 +140,10 @@ def test_an_absent_planner_is_named_within_ten_seconds(tmp_path: Path) -> None:
         (("train", "--name", "a", "--config", "absent.yaml"), "cannot read absent.yaml"),
         (("train", "--name", "a", "--resume"), "no run"),
         (("eval", "absent.pt"), "there is no checkpoint absent.pt"),
+        (("eval",), "give either a checkpoint or --agent"),
+        (("eval", "--agent", "walker"), "there is no agent 'walker'; there are planner, random"),
+        (("eval", "--agent", "random", "--homes", "val"), "such as val:0-20"),
+        (("eval", "--agent", "planner", "--planner", NOWHERE), "thinknav-server serve"),
         (("report", "absent"), "absent is no run"),
     ],
 )
@@ -158,6 +162,20 @@ def test_a_baseline_needs_no_service(tmp_path: Path) -> None:
     assert made.action_space == ("stop", "move_forward", "turn_left", "turn_right")
     assert made.embedding_space is None
     assert all(torch.isfinite(weight).all() for weight in made.policy.values())
+
+
+def test_agents_play_without_a_policy(tmp_path: Path, planning_service: str) -> None:
+    few = ("--homes", "val:0-1", "--episodes", "2", "--preset", "smoke")
+    process = thinknav(tmp_path, "eval", "--agent", "shortest-path", *few, "--output", "best")
+    assert process.returncode == 0, process.stderr
+    best = json.loads((tmp_path / "best/result.json").read_text())
+    assert best["protocol"] | {"agent": "shortest-path", "privileged": True, "planner": None} == best["protocol"]
+    process = thinknav(tmp_path, "eval", "--agent", "planner", *few, "--planner", planning_service, "--context", "3")
+    assert process.returncode == 0, process.stderr
+    told = json.loads((tmp_path / "runs/evaluations/planner/result.json").read_text())
+    assert told["protocol"]["planner"].startswith("scripted@")
+    assert told["protocol"]["config"]["think"]["context"] == 3
+    assert told["summary"]["think_rate"]["mean"] >= 0.5
 
 
 def test_ctrl_c_saves_a_checkpoint_and_resuming_goes_on(tmp_path: Path, planning_service: str) -> None:

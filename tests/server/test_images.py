@@ -77,6 +77,28 @@ def test_truncated_files_are_refused() -> None:
             decode_frame(frame_of_file(data[:-30]))
 
 
+def chunk(name: bytes, data: bytes) -> bytes:
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+
+def test_a_png_whose_second_header_lies_is_refused() -> None:
+    lie = png_header(16, 16) + png_header(4000, 4000)[8:] + chunk(b"IDAT", zlib.compress(bytes(4000 * 12001)))
+    frame = frame_of_file(lie + chunk(b"IEND", b""))
+    assert frame_size(frame) == (16, 16)
+    with pytest.raises(InvalidRequest, match="its headers contradict each other"):
+        decode_frame(frame)
+
+
+def test_a_jpeg_of_endless_scans_is_refused_from_its_header() -> None:
+    file = io.BytesIO()
+    Image.fromarray(picture(256, 256)).save(file, "JPEG", progressive=True)
+    good = file.getvalue()
+    assert frame_size(frame_of_file(good)) == (256, 256)
+    scan = good[good.rfind(b"\xff\xda") : -2]
+    with pytest.raises(InvalidRequest, match="more than 32 scans"):
+        frame_size(frame_of_file(good[:-2] + scan * 30 + good[-2:]))
+
+
 def test_a_png_without_pixels_is_refused() -> None:
     with pytest.raises(InvalidRequest, match="no pixels"):
         frame_size(Frame(encoding="png", data=png_header(0, 5)))

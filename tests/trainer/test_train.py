@@ -18,13 +18,15 @@ from thinknav_trainer.scenes import Homes
 from thinknav_trainer.thinking import EpisodeEnd
 from thinknav_trainer.train import observation_shape, train
 
+FLOAT32 = ("ppo.precision=float32", "policy.stop_bias=-1")
+
 
 def planner() -> PlannerClient:
     return PlannerClient(MockTransport(lambda request: ("turn left", "move forward")[int(request.request_id) % 2]))
 
 
 def config_of(smoke: TrainConfig, *overrides: str) -> TrainConfig:
-    return change_config(smoke, overrides=["ppo.precision=float32", "policy.stop_bias=-1", *overrides])
+    return change_config(smoke, overrides=["deterministic=true", *FLOAT32, *overrides])
 
 
 def test_a_run_leaves_metrics_thoughts_and_checkpoints(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
@@ -63,6 +65,31 @@ def test_a_resumed_run_equals_one_that_was_not_interrupted(tmp_path: Path, smoke
     ]
     assert timeless[0] == timeless[1]
     assert (tmp_path / "whole/thoughts.jsonl").read_text() == (tmp_path / "halves/thoughts.jsonl").read_text()
+
+
+def test_a_run_that_does_not_wait_counts_each_step_and_thought_once(
+    tmp_path: Path, smoke: TrainConfig, homes: Homes
+) -> None:
+    """Stopped while thoughts were under way, and resumed."""
+    config = change_config(smoke, overrides=[*FLOAT32, "policy.think_bias=2"])
+    slow = PlannerClient(MockTransport(lambda request: "turn left", latency=0.01))
+    first = Run.create(tmp_path, change_config(config, overrides=["total_steps=128"]))
+    middle = Checkpoint.load(train(first, homes, slow, Interruption()))
+    first.close()
+    assert middle.state["collector"]["env"]["parked"]
+    second = Run(tmp_path, config, middle.steps)
+    last = Checkpoint.load(train(second, homes, slow, Interruption(), middle))
+    second.close()
+    metrics = read_metrics(tmp_path)
+    asked = [json.loads(line) for line in (tmp_path / "thoughts.jsonl").read_text().splitlines()]
+    env = last.state["collector"]["env"]
+    assert len(asked) == metrics[-1]["thoughts/answered"] == env["counts"]["answered"] == env["counts"]["asked"]
+    assert metrics[-1]["thoughts/asked"] - metrics[-1]["thoughts/answered"] == len(env["parked"])
+    assert 256 <= last.steps == metrics[-1]["steps"] < 256 + 5 * config.num_envs
+    # What the episodes that run now have taken, and those that ended, is all that was stepped.
+    ended = sum(end["measures"]["steps"] for end in last.state["collector"]["recent"])
+    assert last.state["collector"]["episodes_ended"] < 100
+    assert ended + env["env"]["agents"]["steps"].sum() == last.steps
 
 
 def test_an_interrupted_run_saves_and_ends(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:

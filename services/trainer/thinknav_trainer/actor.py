@@ -15,15 +15,30 @@ from thinknav_trainer.threads import torch_threads
 
 NO_ACTION = -1
 
+Rows = slice | NDArray[np.int64]
+EVERYONE = slice(None)
+
 
 @dataclass(frozen=True)
 class Decision:
-    """What N agents do. actions: (N,) int64. log_probs, values: (N,). hidden: the state after it, (2, layers, N, H)."""
+    """What n agents do. actions: (n,) int64. log_probs, values: (n,). hidden: the state after it, (2, layers, n, H)."""
 
     actions: Tensor
     log_probs: Tensor
     values: Tensor
     hidden: Tensor
+
+    def select(self, agents: Rows) -> "Decision":
+        """That of some agents."""
+        return Decision(self.actions[agents], self.log_probs[agents], self.values[agents], self.hidden[:, :, agents])
+
+    def update(self, agents: Rows, decision: "Decision") -> "Decision":
+        """This one with another in the place of some agents'; those rows are written over."""
+        if isinstance(agents, slice):
+            return decision
+        self.actions[agents], self.log_probs[agents] = decision.actions, decision.log_probs
+        self.values[agents], self.hidden[:, :, agents] = decision.values, decision.hidden
+        return self
 
 
 class Actor:
@@ -40,10 +55,16 @@ class Actor:
         self._greedy = greedy
         self._generator = torch.Generator().manual_seed(seed)
 
+    def no_decision(self) -> Decision:
+        """Of agents who have not decided anything yet."""
+        count = len(self.previous)
+        nothing = torch.full((count,), NO_ACTION)
+        return Decision(nothing, torch.zeros(count), torch.zeros(count), torch.zeros_like(self.hidden))
+
     @torch.no_grad()
-    def decide(self, observations: Mapping[str, NDArray[Any]]) -> Decision:
-        """Choose the next actions."""
-        logits, values, hidden = self._forward(observations, self.previous, self.hidden)
+    def decide(self, observations: Mapping[str, NDArray[Any]], agents: Rows = EVERYONE) -> Decision:
+        """Choose the next actions of some agents, who observe (n, ...)."""
+        logits, values, hidden = self._forward(observations, self.previous[agents], self.hidden[:, :, agents])
         log_probs = logits.log_softmax(dim=1)
         if self._greedy:
             actions = log_probs.argmax(dim=1, keepdim=True)
@@ -56,11 +77,17 @@ class Actor:
         """What observations are worth, without acting on them."""
         return self._forward(observations, previous, hidden)[1]
 
-    def advance(self, decision: Decision, done: NDArray[np.bool_]) -> None:
-        """The actions were taken; where an episode ended, forget it."""
-        ended = torch.from_numpy(done)
-        self.previous = torch.where(ended, NO_ACTION, decision.actions)
-        self.hidden = decision.hidden * ~ended[None, None, :, None]
+    def advance(self, decision: Decision, done: NDArray[np.bool_], agents: Rows = EVERYONE) -> None:
+        """Some agents took their actions; where an episode ended (n,), forget it."""
+        previous, hidden = _without_ended(decision.actions, decision.hidden, done)
+        if isinstance(agents, slice):
+            self.previous, self.hidden = previous, hidden
+        else:
+            self.previous[agents], self.hidden[:, :, agents] = previous, hidden
+
+    def forget(self, done: NDArray[np.bool_]) -> None:
+        """Episodes (N,) ended."""
+        self.previous, self.hidden = _without_ended(self.previous, self.hidden, done)
 
     def _forward(
         self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor
@@ -76,3 +103,9 @@ class Actor:
     def load_state_dict(self, state: dict[str, Any]) -> None:
         self.previous, self.hidden = state["previous"], state["hidden"]
         self._generator.set_state(state["generator"])
+
+
+def _without_ended(actions: Tensor, hidden: Tensor, done: NDArray[np.bool_]) -> tuple[Tensor, Tensor]:
+    """Last actions (n,) and states (2, layers, n, H), as they are at the start of an episode where one ended (n,)."""
+    ended = torch.from_numpy(done)
+    return torch.where(ended, NO_ACTION, actions), hidden * ~ended[None, None, :, None]

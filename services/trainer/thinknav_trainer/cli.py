@@ -11,23 +11,21 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.logging import RichHandler
-from rich.table import Table
 
 from thinknav_proto import PlannerError
 from thinknav_sim.episodes import EpisodeError
 from thinknav_sim.render import RendererUnavailable
 from thinknav_sim.scene import SceneError
 from thinknav_trainer.checkpoint import CheckpointError
-from thinknav_trainer.commands import bench, episodes, homes, scenes
+from thinknav_trainer.commands import bench, episodes, evaluate, homes, scenes
 from thinknav_trainer.config import ConfigError, change_config, load_config, presets
 from thinknav_trainer.demo import run_demo
-from thinknav_trainer.evaluate import EpisodeRecord, summarize
 from thinknav_trainer.interrupt import interruption
 from thinknav_trainer.ppo import TrainingDiverged
 from thinknav_trainer.report import write_report
 from thinknav_trainer.run import RunError, read_config
 from thinknav_trainer.service_process import ServiceError
-from thinknav_trainer.workflow import evaluate_checkpoint, train_run
+from thinknav_trainer.workflow import train_run
 
 # What a user, or the world, can do wrong; anything else is our mistake and shows its traceback.
 USAGE_ERRORS = (ConfigError, RunError, CheckpointError, SceneError, EpisodeError)
@@ -43,6 +41,7 @@ app.add_typer(episodes.app, name="episodes")
 app.add_typer(homes.app, name="homes")
 app.add_typer(bench.app, name="bench")
 app.add_typer(scenes.app, name="scenes")
+app.command("eval")(evaluate.evaluate)
 
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="e.g. --set ppo.lr=1e-4")]
 Preset = Annotated[str, typer.Option(help=f"one of: {', '.join(presets())}")]
@@ -77,23 +76,6 @@ def train(
     raise typer.Exit(interrupted.exit_code)
 
 
-@app.command("eval")
-def evaluate(
-    checkpoint: Annotated[Path, typer.Argument(help="a checkpoint file")],
-    split: Annotated[str, typer.Option(help="held_out or train")] = "held_out",
-    planner: Planner = None,
-    greedy: Annotated[bool, typer.Option("--greedy", help="take the likeliest action instead of sampling")] = False,
-    output: Annotated[Path | None, typer.Option(help="folder of the result; default: beside the checkpoints")] = None,
-) -> None:
-    """Evaluate a checkpoint on every episode of a split."""
-    with interruption() as interrupted:
-        folder, records = evaluate_checkpoint(checkpoint, split, interrupted, planner, greedy, output)
-    if not interrupted.requested:
-        print_summary(f"{split} episodes of {checkpoint}", records)
-        Console().print(f"result: {folder / 'result.json'}", soft_wrap=True)
-    raise typer.Exit(interrupted.exit_code)
-
-
 @app.command()
 def report(run: Annotated[Path, typer.Argument(help="the folder of a run, evaluated before")]) -> None:
     """Write report.html into a run's folder."""
@@ -113,14 +95,6 @@ def demo(
     if page is not None:
         Console().print(f"report: {page}", soft_wrap=True)
     raise typer.Exit(interrupted.exit_code)
-
-
-def print_summary(title: str, records: list[EpisodeRecord]) -> None:
-    """A table for people: mean and 95 % interval over episodes."""
-    table = Table("measure", "mean", "95 % interval", title=f"{len(records)} {title}", title_justify="left")
-    for name, row in summarize(records).items():
-        table.add_row(name, f"{row['mean']:.3f}", f"{row['low']:.3f} to {row['high']:.3f}")
-    Console().print(table)
 
 
 def main() -> None:

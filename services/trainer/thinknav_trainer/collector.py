@@ -1,28 +1,35 @@
-"""Collects rollouts: act, step, remember. All agents move in lock-step; those that think are asked about together.
+"""Collects rollouts: decide, think, step, remember. Who waits for the planner is left alone, and the others go on.
 
-Knows the actor and the thinking env; nothing of losses and files.
+In lock-step (see `asking`) all replies are waited for, and everyone moves in every round. Knows the actor and the
+thinking env; nothing of losses and files.
 """
 
 from collections import deque
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch import Tensor
 
 from thinknav_sim.observations import Observations
-from thinknav_trainer.actor import Actor, Decision
+from thinknav_sim.task_config import Action
+from thinknav_trainer.actor import EVERYONE, Actor, Decision, Rows
 from thinknav_trainer.config import PPOConfig
-from thinknav_trainer.rollout import Rollout, cut_sequences, generalized_advantages
+from thinknav_trainer.planner import Answer
+from thinknav_trainer.rollout import Rollout
 from thinknav_trainer.thinking import EpisodeEnd, Step, ThinkingEnv, Thought
 from thinknav_trainer.timing import Stopwatch
+from thinknav_trainer.transitions import TransitionLog, Transitions
 
 RECENT_EPISODES = 100
 
 
 class Collector:
     """Steps the envs with the policy and remembers the transitions.
+
+    A transition belongs to the rollout in which its env was stepped: a think whose reply is outstanding when a rollout
+    ends belongs to a later one, with the log-probability and the LSTM state of the time when it was decided.
 
     recent: the episodes that ended last. thoughts: those of the last rollout. stopwatch: where the time went.
     """
@@ -35,78 +42,92 @@ class Collector:
         self._env = env
         self._actor = actor
         self._config = config
+        # A row for each env: what it observes, and what it decided then; that is news for those who are to decide.
         self._observations: Observations = env.reset()
+        self._to_decide = np.arange(env.num_envs)
+        self._decision = actor.no_decision()
 
     def collect(self) -> Rollout:
-        """num_steps of each env. Raises Unavailable when the planner has been gone too long."""
+        """num_steps transitions for each env on average, and less than one more; an env that waits gives fewer.
+
+        Raises Unavailable when the planner has been gone too long.
+        """
         self.thoughts = []
-        shape = (self._config.num_steps, self._env.num_envs)
-        rewards, values, log_probs = (np.zeros(shape, np.float32) for _ in range(3))
-        done = np.zeros(shape, bool)
-        actions, previous = (np.zeros(shape, np.int64) for _ in range(2))
-        observations: list[Observations] = []
-        hidden: list[Tensor] = []
-        for t in range(self._config.num_steps):
-            observations.append(self._observations)
-            hidden.append(self._actor.hidden)
-            previous[t] = self._actor.previous.numpy()
-            with self.stopwatch("act"):
-                decision = self._actor.decide(self._observations)
-            actions[t], values[t], log_probs[t] = (
-                part.numpy() for part in (decision.actions, decision.values, decision.log_probs)
-            )
+        log = TransitionLog()
+        while len(log) < self._config.num_steps * self._env.num_envs:
+            envs, replies = self._decide()
+            rows = self._rows(envs)
+            decision = self._decision.select(rows)
             with self.stopwatch("step"):
-                step = self._env.step(actions[t])
-            rewards[t] = step.rewards + self._bootstrap(step, decision)
-            done[t] = step.terminated | step.truncated
-            self._advance(step, decision, done[t])
-        last_values = self._actor.values(self._observations, self._actor.previous, self._actor.hidden).numpy()
-        advantages = generalized_advantages(rewards, values, done, last_values, self._config.gamma, self._config.tau)
-        starts, lengths, sequence_hidden = self._sequences(done, hidden)
-        return Rollout(
-            observations={
-                name: torch.from_numpy(np.stack([step[name] for step in observations], axis=1)).flatten(0, 1)
-                for name in observations[0]
-            },
-            actions=_env_major(actions),
-            previous_actions=_env_major(previous),
-            log_probs=_env_major(log_probs),
-            values=_env_major(values),
-            advantages=_env_major(advantages),
-            returns=_env_major(advantages + values),
-            sequence_starts=starts,
-            sequence_lengths=lengths,
-            sequence_hidden=sequence_hidden,
+                step = self._env.step_subset(envs, decision.actions.numpy(), replies)
+            log.add(self._transitions(envs, decision, step))
+            self._advance(envs, decision, step)
+        return log.rollout(self._last_values(), self._config.gamma, self._config.tau, self._config.chunk_length)
+
+    def _decide(self) -> tuple[NDArray[np.int64], dict[int, Answer]]:
+        """Who is to decide does so, and is parked if it thinks: who can be stepped now, and the replies they got."""
+        with self.stopwatch("act"):
+            rows = self._rows(self._to_decide)
+            decision = self._actor.decide(_take(self._observations, rows), rows)
+            self._decision = self._decision.update(rows, decision)
+            thinks = decision.actions.numpy() == Action.THINK
+        with self.stopwatch("plan"):
+            self._env.think(self._to_decide[thinks])
+            moving = self._to_decide[~thinks]
+            replies = self._env.replies(must_wait=not len(moving))
+        return np.sort(np.concatenate([moving, np.fromiter(replies, np.int64)])), replies
+
+    def _rows(self, envs: NDArray[np.int64]) -> Rows:
+        """Envs, in order, as an index; that of all of them copies nothing."""
+        return EVERYONE if len(envs) == self._env.num_envs else envs
+
+    def _transitions(self, envs: NDArray[np.int64], decision: Decision, step: Step) -> Transitions:
+        rows = self._rows(envs)
+        return Transitions(
+            envs=envs,
+            observations=_take(self._observations, rows),
+            hidden=self._actor.hidden[:, :, rows],
+            previous_actions=self._actor.previous[rows].numpy(),
+            actions=decision.actions.numpy(),
+            log_probs=decision.log_probs.numpy(),
+            values=decision.values.numpy(),
+            rewards=step.rewards + self._bootstrap(step, decision),
+            done=step.terminated | step.truncated,
         )
 
     def _bootstrap(self, step: Step, decision: Decision) -> NDArray[np.float32]:
         """gamma x value of the final observation where an episode ran out of steps: time is no state of the task."""
-        bonus = np.zeros(self._env.num_envs, np.float32)
+        bonus = np.zeros(len(step.rewards), np.float32)
         timed_out = np.flatnonzero(step.truncated & ~step.terminated)
         if len(timed_out):
-            final = [step.final_observations[int(env)] for env in timed_out]
+            final = [step.final_observations[int(row)] for row in timed_out]
             stacked = {name: np.stack([observation[name] for observation in final]) for name in final[0]}
             rows = torch.from_numpy(timed_out)
             final_values = self._actor.values(stacked, decision.actions[rows], decision.hidden[:, :, rows])
             bonus[timed_out] = self._config.gamma * final_values.numpy()
         return bonus
 
-    def _advance(self, step: Step, decision: Decision, done: NDArray[np.bool_]) -> None:
-        self._observations = step.observations
-        self._actor.advance(decision, done)
+    def _advance(self, envs: NDArray[np.int64], decision: Decision, step: Step) -> None:
+        rows = self._rows(envs)
+        if isinstance(rows, slice):
+            self._observations = step.observations
+        else:
+            for name, values in step.observations.items():
+                self._observations[name][rows] = values
+        self._actor.advance(decision, step.terminated | step.truncated, rows)
+        self._to_decide = envs
         self.recent.extend(step.ended)
         self.episodes_ended += len(step.ended)
         self.thoughts.extend(step.thoughts)
 
-    def _sequences(
-        self, done: NDArray[np.bool_], hidden: list[Tensor]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64], Tensor]:
-        steps, num_envs = done.shape
-        cuts = [cut_sequences(done[:, env], self._config.chunk_length) for env in range(num_envs)]
-        states = [hidden[t][:, :, env] for env, (starts, _) in enumerate(cuts) for t in starts.tolist()]
-        all_starts = np.concatenate([env * steps + starts for env, (starts, _) in enumerate(cuts)])
-        all_lengths = np.concatenate([lengths for _, lengths in cuts])
-        return all_starts, all_lengths, torch.stack(states, dim=2)
+    def _last_values(self) -> NDArray[np.float32]:
+        """(N,) what every env's observation is worth; of those who have decided on it, as they held it then."""
+        rows = self._rows(self._to_decide)
+        values = self._decision.values.numpy().copy()
+        values[rows] = self._actor.values(
+            _take(self._observations, rows), self._actor.previous[rows], self._actor.hidden[:, :, rows]
+        ).numpy()
+        return values
 
     def state_dict(self) -> dict[str, Any]:
         """All that the next rollout depends on, but for the policy's weights."""
@@ -114,6 +135,8 @@ class Collector:
             "env": self._env.state_dict(),
             "actor": self._actor.state_dict(),
             "observations": dict(self._observations),
+            "to_decide": self._to_decide,
+            "decision": vars(self._decision),
             "recent": [vars(end) for end in self.recent],
             "episodes_ended": self.episodes_ended,
         }
@@ -123,10 +146,11 @@ class Collector:
         self._env.load_state_dict(state["env"])
         self._actor.load_state_dict(state["actor"])
         self._observations = dict(state["observations"])
+        self._to_decide = state["to_decide"]
+        self._decision = Decision(**state["decision"])
         self.recent = deque((EpisodeEnd(**end) for end in state["recent"]), maxlen=RECENT_EPISODES)
         self.episodes_ended = state["episodes_ended"]
 
 
-def _env_major(array: NDArray[Any]) -> Tensor:
-    """(T, N) in time to (N * T,), one env after the other."""
-    return torch.from_numpy(np.ascontiguousarray(array.T)).flatten()
+def _take(observations: Mapping[str, NDArray[Any]], rows: Rows) -> Observations:
+    return {name: values[rows] for name, values in observations.items()}

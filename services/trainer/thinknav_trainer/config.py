@@ -57,6 +57,10 @@ class ThinkConfig(Section):
     agreement_bonus: float = Field(0.1, ge=0, description="the paper's reward for doing what the subgoal says")
     frame_size: int = Field(128, ge=16, le=1024, description="width and height of the frame the planner sees, pixels")
     frame_encoding: Literal["jpeg", "raw"] = Field("jpeg", description="how the frame travels")
+    context: int = Field(
+        1, ge=1, le=16, description="views the planner is shown: the present one and up to context - 1 before it"
+    )
+    temperature: float = Field(0.0, ge=0, le=10, description="of the planner's sampling; 0: its likeliest answer")
     deadline: float = Field(10.0, gt=0, description="seconds after which a reply is of no use")
     patience: float = Field(60.0, ge=0, description="seconds without any planner after which the run stops")
 
@@ -104,6 +108,11 @@ class TrainConfig(Section):
     max_minutes: float | None = Field(None, gt=0, description="stop after this wall time even if steps are left")
     num_envs: int = Field(16, ge=1, description="agents that move in one batch")
     threads: int = Field(0, ge=0, description="threads of torch and of the renderer; 0: the machine's cores")
+    deterministic: bool = Field(
+        False,
+        description="wait for every reply before anyone moves on: slower, and the same numbers every time; "
+        "false: who waits for the planner holds nobody up",
+    )
     planner: str = Field("http://127.0.0.1:8765", description="where the planning service is")
     checkpoint_every: int = Field(20_000, ge=1, description="environment steps between checkpoints")
     keep_checkpoints: int = Field(3, ge=1, description="how many are kept")

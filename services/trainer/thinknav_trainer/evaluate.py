@@ -1,6 +1,6 @@
-"""Evaluates a policy on every episode of a split, and keeps what happened in each.
+"""Evaluates an agent on every episode of a split, and keeps what happened in each.
 
-Knows policy and thinking env; nothing of how the policy was trained, and nothing of pictures.
+Knows agents and the thinking env; nothing of how a policy was trained, and nothing of pictures.
 """
 
 import json
@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 
 from thinknav_sim.episodes import Episode
 from thinknav_sim.scene import Scene
+from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.actor import Actor
-from thinknav_trainer.config import TrainConfig
+from thinknav_trainer.agents import Agent, MakeAgent, PolicyAgent
+from thinknav_trainer.config import ThinkConfig, TrainConfig
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import PlannerClient
 from thinknav_trainer.policy import Policy
@@ -24,14 +26,24 @@ from thinknav_trainer.progress import progress_bar
 from thinknav_trainer.statistics import bootstrap_interval
 from thinknav_trainer.thinking import EpisodeEnd, ThinkingEnv, Thought
 
-SUMMARY_MEASURES = ("success", "spl", "soft_spl", "distance_to_goal", "steps", "thinks", "think_rate")
+SUMMARY_MEASURES = (
+    "success",
+    "spl",
+    "soft_spl",
+    "distance_to_goal",
+    "steps",
+    "thinks",
+    "think_rate",
+    "planner_seconds",
+)
 
 
 @dataclass(frozen=True)
 class EpisodeRecord:
     """One evaluated episode.
 
-    path: (x, y, z, heading) before each step and after the last one. thoughts: (step, subgoal) for each reply.
+    measures: the task's, with think_rate and planner_seconds (by the service's account, waiting included).
+    path: (x, y, z, heading) before each step. thoughts: (step, subgoal) for each reply.
     """
 
     episode_id: str
@@ -49,6 +61,17 @@ class _Track:
 
     path: list[list[float]] = field(default_factory=list)
     thoughts: list[tuple[int, str]] = field(default_factory=list)
+    planner_seconds: float = 0.0
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """How episodes are played. task: without regard to thinking, which follows from think.strategy."""
+
+    task: ObjectNavConfig
+    think: ThinkConfig
+    num_envs: int = 16
+    seed: int = 0
 
 
 def evaluate(
@@ -60,29 +83,50 @@ def evaluate(
     interruption: Interruption,
     greedy: bool = False,
 ) -> list[EpisodeRecord]:
-    """Play each episode once, actions sampled unless `greedy`; records in the order of `episodes`.
+    """Play each episode once with a policy, actions sampled unless `greedy`; see `play`."""
 
+    def make_agent(env: ThinkingEnv, seed: int) -> Agent:
+        return PolicyAgent(Actor(policy, env.num_envs, config.ppo.precision, seed, greedy))
+
+    conditions = Conditions(config.env, config.think, config.num_envs, config.seed)
+    return play(make_agent, conditions, scenes, episodes, planner, interruption)
+
+
+def play(
+    make_agent: MakeAgent,
+    conditions: Conditions,
+    scenes: Sequence[Scene],
+    episodes: Sequence[Episode],
+    planner: PlannerClient | None,
+    interruption: Interruption,
+) -> list[EpisodeRecord]:
+    """Play each episode once with any agent; records in the order of `episodes`.
+
+    planner: None for an agent that never thinks. The same arguments give the same records, but for planners' seconds.
     An interruption ends it early, with fewer records.
     """
-    count = min(config.num_envs, len(episodes))
-    vector_env = ObjectNavVectorEnv(scenes, episodes, count, config.task, seed=config.seed, order="sequential")
-    env = ThinkingEnv(vector_env, config.think, planner)
-    actor = Actor(policy, count, config.ppo.precision, config.seed, greedy)
+    count = min(conditions.num_envs, len(episodes))
+    task = conditions.task.model_copy(update={"think_action": planner is not None})
+    vector_env = ObjectNavVectorEnv(scenes, episodes, count, task, seed=conditions.seed, order="sequential")
+    env = ThinkingEnv(vector_env, conditions.think, planner)
+    agent = make_agent(env, conditions.seed)
     records: dict[int, EpisodeRecord] = {}
     tracks = [_Track() for _ in range(count)]
     observations = env.reset()
+    thoughts: list[Thought] = []
     with progress_bar("evaluating", len(episodes), unit="episodes") as bar:
         while len(records) < len(episodes) and not interruption.requested:
             poses = vector_env.poses
-            decision = actor.decide(observations)
-            step = env.step(decision.actions.numpy())
+            step = env.step(agent.actions(observations, thoughts))
+            done = step.terminated | step.truncated
+            agent.ended(done)
             _note(tracks, poses, step.thoughts)
             for end in step.ended:
                 track, tracks[end.env] = tracks[end.env], _Track()
                 if is_of_own_share(end, count):
                     records.setdefault(end.episode_index, _record(episodes[end.episode_index], end, track))
-            actor.advance(decision, step.terminated | step.truncated)
             observations = step.observations
+            thoughts = [thought for thought in step.thoughts if not done[thought.env]]
             bar.update(len(records))
     vector_env.close()
     return [records[index] for index in sorted(records)]
@@ -99,14 +143,19 @@ def is_of_own_share(end: EpisodeEnd, count: int) -> bool:
 
 def _note(tracks: list[_Track], poses: NDArray[np.float64], thoughts: Sequence[Thought]) -> None:
     for thought in thoughts:
+        track = tracks[thought.env]
+        track.planner_seconds += thought.seconds
         if thought.subgoal is not None:
-            tracks[thought.env].thoughts.append((len(tracks[thought.env].path), thought.subgoal))
+            track.thoughts.append((len(track.path), thought.subgoal))
     for track, pose in zip(tracks, poses.round(4).tolist(), strict=True):
         track.path.append(pose)
 
 
 def _record(episode: Episode, end: EpisodeEnd, track: _Track) -> EpisodeRecord:
-    measures = end.measures | {"think_rate": end.measures["thinks"] / end.measures["steps"]}
+    measures = end.measures | {
+        "think_rate": end.measures["thinks"] / end.measures["steps"],
+        "planner_seconds": track.planner_seconds,
+    }
     return EpisodeRecord(
         episode.episode_id,
         episode.scene_name,

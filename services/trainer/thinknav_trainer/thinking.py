@@ -8,10 +8,11 @@
    judges nothing, and a second think replaces the first, unjudged.
 5. A planner that fails gives zeros, judges nothing, and is counted.
 
-Knows nothing of networks and of learning.
+An env that thinks is parked until its reply is there: the simulator takes its step then, and not before. Whether the
+others go on meanwhile is for the caller to say. Knows nothing of networks and of learning.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -23,10 +24,12 @@ from thinknav_sim.observations import Observations
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
+from thinknav_trainer.asking import Asking, AskTogether
 from thinknav_trainer.config import ThinkConfig
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.patience import Patience
-from thinknav_trainer.planner import PlannerClient, encode_frame
+from thinknav_trainer.planner import Answer, PlannerClient, encode_frame
+from thinknav_trainer.recent_frames import RecentFrames
 from thinknav_trainer.rewards import REWARD_SCHEMES, Terms, ThinkStep
 
 NOTHING_TO_JUDGE = -1
@@ -39,12 +42,18 @@ def task_description(category: str) -> str:
 
 @dataclass(frozen=True)
 class Thought:
-    """One reply: which env asked, for which goal, what came back. subgoal is None when the planner failed."""
+    """One reply: which env asked, for which goal, what came back.
+
+    subgoal: None when the planner failed. confidence: None from a planner that has none. seconds: what the reply took
+    by the service's account, waiting in its queue included.
+    """
 
     env: int
     goal: str
     subgoal: str | None
     error: str | None = None
+    confidence: float | None = None
+    seconds: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -59,11 +68,11 @@ class EpisodeEnd:
 
 @dataclass(frozen=True)
 class Step:
-    """What one step of all N agents gave.
+    """What one step of n agents gave, a row for each in the order in which they were named.
 
     observations: of the next step, already of the next episode where one ended.
-    rewards: (N,) float32. terminated, truncated: (N,) bool.
-    final_observations: env -> last observation of an episode that ended in this step.
+    rewards: (n,) float32. terminated, truncated: (n,) bool.
+    final_observations: row -> last observation of an episode that ended in this step.
     """
 
     observations: Observations
@@ -77,7 +86,7 @@ class Step:
 
 @dataclass
 class ThinkCounts:
-    """How many thoughts were asked for; asked = answered + failed."""
+    """How many thoughts were asked for, and what became of them; of those who are parked that is still open."""
 
     asked: int = 0
     answered: int = 0
@@ -85,20 +94,32 @@ class ThinkCounts:
 
 
 class ThinkingEnv:
-    """N agents that may think. Without a planner (strategy `never`) there is neither think action nor thought."""
+    """N agents that may think. Without a planner (strategy `never`) there is neither think action nor thought.
 
-    def __init__(self, env: ObjectNavVectorEnv, config: ThinkConfig, planner: PlannerClient | None) -> None:
+    All in lock-step: `step`. Or apart: `think` parks envs, `replies` says whose reply has come, and `step_subset` steps
+    those, along with any that do not think.
+    """
+
+    def __init__(
+        self,
+        env: ObjectNavVectorEnv,
+        config: ThinkConfig,
+        planner: PlannerClient | None,
+        asking: Callable[[PlannerClient], Asking] = AskTogether,
+    ) -> None:
         if (planner is None) != (config.strategy == "never"):
             raise ValueError(f"strategy {config.strategy!r} {'needs a' if planner is None else 'takes no'} planner")
         self.env = env
         self.counts = ThinkCounts()
+        self.parked: set[int] = set()
         self._config = config
-        self._planner = planner
+        self._asking = None if planner is None else asking(planner)
         self._patience = Patience(config.patience)
         self._scheme = REWARD_SCHEMES[config.reward]
         self._to_judge = np.full(env.num_envs, NOTHING_TO_JUDGE)  # the action that the last subgoal called for
         self._term_sums: dict[str, NDArray[np.float64]] = {}
         self._request_number = 0
+        self._frames = RecentFrames(env, config)
         self._descriptions = (
             np.zeros((0, 0), np.float32)
             if planner is None
@@ -113,71 +134,110 @@ class ThinkingEnv:
         """Start all episodes anew."""
         observations, _ = self.env.reset()
         self._to_judge[:] = NOTHING_TO_JUDGE
+        self._frames.forget(range(self.num_envs))
         for sums in self._term_sums.values():
             sums[:] = 0
-        if self._planner is not None:
+        if self._asking is not None:
             observations["thought"] = self._descriptions[observations["objectgoal"][:, 0]]
         return observations
 
     def step(self, actions: NDArray[np.int64]) -> Step:
-        """Move, and think where the action says so. Raises Unavailable when the planner has been gone too long."""
-        thinking = np.flatnonzero(actions == Action.THINK)
-        embeddings, thoughts = self._think(thinking)
-        observations, rewards, terminated, truncated, infos = self.env.step(actions)
+        """Move everyone, and think where the action (N,) says so. Raises Unavailable as `replies` does."""
+        self.think(np.flatnonzero(actions == Action.THINK))
+        replies: dict[int, Answer] = {}
+        while self.parked:
+            replies |= self.replies(must_wait=True)
+        return self.step_subset(np.arange(self.num_envs), actions, replies)
+
+    def think(self, envs: NDArray[np.integer[Any]]) -> None:
+        """Park these envs: show the planner what they see."""
+        if self._asking is None or not len(envs):
+            return
+        self._frames.look(envs.tolist())
+        goals = [self._goal(env) for env in envs.tolist()]
+        self._asking.ask(dict(zip(envs.tolist(), self._requests(envs, goals), strict=True)))
+        self.parked.update(envs.tolist())
+        self.counts.asked += len(envs)
+
+    def replies(self, must_wait: bool) -> dict[int, Answer]:
+        """What has come back for parked envs, which `step_subset` may step now.
+
+        must_wait: do not come back with nothing while anyone is parked.
+        Raises Unavailable when the planner has been gone too long.
+        """
+        if self._asking is None or not self.parked:
+            return {}
+        replies = self._asking.replies(must_wait)
+        self.parked.difference_update(replies)
+        answered = sum(isinstance(reply, SubgoalReply) for reply in replies.values())
+        self.counts.answered += answered
+        self.counts.failed += len(replies) - answered
+        self._patience.observe(list(replies.values()))
+        return replies
+
+    def step_subset(
+        self, envs: NDArray[np.integer[Any]], actions: NDArray[np.int64], replies: Mapping[int, Answer]
+    ) -> Step:
+        """Step these envs (n,) with their actions (n,); `replies` has those to the thinks among them."""
+        thoughts = [self._thought(env, reply) for env, reply in sorted(replies.items())]
+        self._frames.look(envs.tolist())
+        observations, rewards, terminated, truncated, infos = self.env.step_subset(envs, actions)
         terms: Terms = dict(infos["reward_terms"])
-        extra = self._scheme(ThinkStep(actions == Action.THINK, self._judge(actions)), self._config)
+        extra = self._scheme(ThinkStep(actions == Action.THINK, self._judge(envs, actions)), self._config)
         self._note_subgoals(thoughts)
         for term in extra.values():
             rewards = rewards + term
         terms.update(extra)
         done = terminated | truncated
-        final = {int(i): dict(infos["final_obs"][i]) for i in np.flatnonzero(done)}
-        if self._planner is not None:
-            self._show_thoughts(observations, final, thinking, embeddings, done)
-        ended = self._end_episodes(infos, terms, done)
+        final = {int(row): dict(infos["final_obs"][row]) for row in np.flatnonzero(done)}
+        if self._asking is not None:
+            embeddings = self._embeddings(envs, replies)
+            self._show_thoughts(observations, final, embeddings, done)
+        ended = self._end_episodes(envs, infos, terms, done)
         return Step(observations, rewards.astype(np.float32), terminated, truncated, final, ended, thoughts)
 
-    def _think(self, envs: NDArray[np.intp]) -> tuple[NDArray[np.float32], list[Thought]]:
-        """Ask the planner for these envs, in one request: embeddings (n, D), zeros where it failed."""
+    def _goal(self, env: int) -> str:
+        return str(self.env.episodes[self.env.episode_indices[env]].object_category)
+
+    def _thought(self, env: int, reply: Answer) -> Thought:
+        if isinstance(reply, SubgoalReply):
+            seconds = reply.timings.queued + reply.timings.planned + reply.timings.embedded
+            return Thought(env, self._goal(env), reply.subgoal, None, reply.confidence, seconds)
+        return Thought(env, self._goal(env), None, f"{type(reply).__name__}: {reply}")
+
+    def _embeddings(self, envs: NDArray[np.integer[Any]], replies: Mapping[int, Answer]) -> NDArray[np.float32]:
+        """What the envs have been told, (n, D); zeros for those who did not think, or in vain."""
         embeddings = np.zeros((len(envs), self._descriptions.shape[1]), np.float32)
-        if not len(envs) or self._planner is None:
-            return embeddings, []
-        goals = [self.env.episodes[index].object_category for index in self.env.episode_indices[envs]]
-        replies = self._planner.ask(self._requests(envs, goals))
-        thoughts = []
-        for row, (env, goal, reply) in enumerate(zip(envs.tolist(), goals, replies, strict=True)):
+        for row, env in enumerate(envs.tolist()):
+            reply = replies.get(env)
             if isinstance(reply, SubgoalReply):
                 embeddings[row] = reply.embedding
-                thoughts.append(Thought(env, goal, reply.subgoal))
-            else:
-                thoughts.append(Thought(env, goal, None, f"{type(reply).__name__}: {reply}"))
-        answered = sum(thought.subgoal is not None for thought in thoughts)
-        self.counts.asked += len(thoughts)
-        self.counts.answered += answered
-        self.counts.failed += len(thoughts) - answered
-        self._patience.observe(replies)
-        return embeddings, thoughts
+        return embeddings
 
-    def _requests(self, envs: NDArray[np.intp], goals: Sequence[str]) -> list[SubgoalRequest]:
+    def _requests(self, envs: NDArray[np.integer[Any]], goals: Sequence[str]) -> list[SubgoalRequest]:
         size = self._config.frame_size
+        poses = self.env.poses
         requests = []
-        for frame, goal in zip(self.env.frames(envs, size, size), goals, strict=True):
+        for env, frame, goal in zip(envs.tolist(), self.env.frames(envs, size, size), goals, strict=True):
             self._request_number += 1
             requests.append(
                 SubgoalRequest(
                     request_id=str(self._request_number),
                     goal=goal,
                     frame=encode_frame(frame, self._config.frame_encoding),
+                    recent=self._frames.before(env, poses[env]),
+                    temperature=self._config.temperature,
                     deadline=self._config.deadline,
                 )
             )
         return requests
 
-    def _judge(self, actions: NDArray[np.int64]) -> NDArray[np.int8]:
+    def _judge(self, envs: NDArray[np.integer[Any]], actions: NDArray[np.int64]) -> NDArray[np.int8]:
         """Rule 4: agreement of each action with the subgoal before it, which is then spent."""
-        judged = (self._to_judge != NOTHING_TO_JUDGE) & (actions != Action.THINK)
-        agreement = np.where(judged, np.where(actions == self._to_judge, 1, -1), 0).astype(np.int8)
-        self._to_judge[:] = NOTHING_TO_JUDGE
+        called_for = self._to_judge[envs]
+        judged = (called_for != NOTHING_TO_JUDGE) & (actions != Action.THINK)
+        agreement = np.where(judged, np.where(actions == called_for, 1, -1), 0).astype(np.int8)
+        self._to_judge[envs] = NOTHING_TO_JUDGE
         return agreement
 
     def _note_subgoals(self, thoughts: list[Thought]) -> None:
@@ -190,40 +250,42 @@ class ThinkingEnv:
         self,
         observations: Observations,
         final: dict[int, Observations],
-        thinking: NDArray[np.intp],
         embeddings: NDArray[np.float32],
         done: NDArray[np.bool_],
     ) -> None:
-        thought = np.zeros((self.num_envs, self._descriptions.shape[1]), np.float32)
-        thought[thinking] = embeddings
-        for env, observation in final.items():
-            observation["thought"] = thought[env].copy()
+        for row, observation in final.items():
+            observation["thought"] = embeddings[row].copy()
         # A new episode begins with its own task, not with what was thought in the last one.
-        thought[done] = self._descriptions[observations["objectgoal"][done, 0]]
-        observations["thought"] = thought
+        embeddings[done] = self._descriptions[observations["objectgoal"][done, 0]]
+        observations["thought"] = embeddings
 
-    def _end_episodes(self, infos: dict[str, Any], terms: Terms, done: NDArray[np.bool_]) -> list[EpisodeEnd]:
+    def _end_episodes(
+        self, envs: NDArray[np.integer[Any]], infos: dict[str, Any], terms: Terms, done: NDArray[np.bool_]
+    ) -> list[EpisodeEnd]:
         for name, values in terms.items():
-            self._term_sums.setdefault(name, np.zeros(self.num_envs))
-            self._term_sums[name] += values
+            self._term_sums.setdefault(name, np.zeros(self.num_envs))[envs] += values
         ended = []
-        for env in np.flatnonzero(done).tolist():
-            measures = {name: float(values[env]) for name, values in infos["episode"].items()}
+        for row in np.flatnonzero(done).tolist():
+            env = int(envs[row])
+            measures = {name: float(values[row]) for name, values in infos["episode"].items()}
             sums = {name: float(values[env]) for name, values in self._term_sums.items()}
-            ended.append(EpisodeEnd(env, int(infos["episode_index"][env]), measures, sums))
-        self._to_judge[done] = NOTHING_TO_JUDGE
+            ended.append(EpisodeEnd(env, int(infos["episode_index"][row]), measures, sums))
+        self._to_judge[envs[done]] = NOTHING_TO_JUDGE
+        self._frames.forget(envs[done].tolist())
         for total in self._term_sums.values():
-            total[done] = 0
+            total[envs[done]] = 0
         return ended
 
     def state_dict(self) -> dict[str, Any]:
-        """All that the next step depends on, the simulator's state with it."""
+        """All that the next step depends on, the simulator's state with it. Whoever is parked will ask again."""
         return {
             "env": self.env.state_dict(),
             "to_judge": self._to_judge.copy(),
             "term_sums": {name: values.copy() for name, values in self._term_sums.items()},
-            "counts": asdict(self.counts),
+            "counts": asdict(self.counts) | {"asked": self.counts.asked - len(self.parked)},
             "request_number": self._request_number,
+            "frames": self._frames.state_dict(),
+            "parked": sorted(self.parked),
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
@@ -233,3 +295,5 @@ class ThinkingEnv:
         self._term_sums = {name: values.copy() for name, values in state["term_sums"].items()}
         self.counts = ThinkCounts(**state["counts"])
         self._request_number = state["request_number"]
+        self._frames.load_state_dict(state["frames"])
+        self.think(np.array(state["parked"], np.int64))

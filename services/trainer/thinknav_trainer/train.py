@@ -19,6 +19,7 @@ from thinknav_sim.render import set_render_threads
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.actor import Actor
+from thinknav_trainer.asking import AskApart, AskTogether
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.collector import RECENT_EPISODES, Collector
 from thinknav_trainer.config import TrainConfig
@@ -93,7 +94,7 @@ def open_session(
     vector_env = ObjectNavVectorEnv(
         homes.scenes, homes.train, config.num_envs, config.task, seed=config.seed, order="random"
     )
-    env = ThinkingEnv(vector_env, config.think, planner)
+    env = ThinkingEnv(vector_env, config.think, planner, AskTogether if config.deterministic else AskApart)
     torch.manual_seed(config.seed)
     policy = Policy(observation_shape(config, planner), config.policy)
     actor = Actor(policy, config.num_envs, config.ppo.precision, config.seed)

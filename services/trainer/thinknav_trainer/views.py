@@ -52,6 +52,11 @@ class RecentViews(Generic[T]):
         others = [kept for kept in self._kept if differ(pose, kept.pose)]
         return [(kept.view, float(wrap(kept.pose[3] - pose[3]))) for kept in others[-self._count :]]
 
+    @property
+    def kept(self) -> list[KeptView[T]]:
+        """All that are kept, oldest first; one of them may be the present view."""
+        return list(self._kept)
+
     def forget(self) -> None:
         """An episode has ended."""
         self._kept.clear()

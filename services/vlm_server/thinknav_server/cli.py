@@ -1,6 +1,7 @@
 """The command `thinknav-server`."""
 
 import logging
+import os
 import signal
 from enum import StrEnum
 from pathlib import Path
@@ -11,12 +12,13 @@ import typer
 from pydantic import ValidationError
 
 from thinknav_models import HashedWords
-from thinknav_proto import describe
-from thinknav_server.http import create_app
+from thinknav_proto import Limits, describe
+from thinknav_server.doors import open_doors
 from thinknav_server.planners import Planner, Script, ScriptedPlanner, load_script
-from thinknav_server.server import bind, run, stop_at_end_of_input
+from thinknav_server.server import run, stop_at_end_of_input
 from thinknav_server.service import PlanningService
-from thinknav_server.settings import Settings
+from thinknav_server.settings import DEFAULT_LIMITS, DoorSettings, Settings
+from thinknav_server.settings_file import SettingsFile
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -24,6 +26,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"auto_envvar_prefix": "THINKNAV_SERVER"},
 )
+
+
+_DOORS = DoorSettings()
 
 
 class PlannerName(StrEnum):
@@ -48,10 +53,30 @@ def about() -> None:
 
 @app.command()
 def serve(
+    _config: SettingsFile = None,
+    # doors
     host: Annotated[
         str, typer.Option(help="Address to listen on; others than loopback reach the network.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 picks a free one.")] = 8765,
+    token_file: Annotated[
+        Path | None, typer.Option(help="File of the clients that may ask, name:token a line. [env: also TOKENS]")
+    ] = None,
+    tls_cert: Annotated[Path | None, typer.Option(help="PEM file of the certificate to serve with.")] = None,
+    tls_key: Annotated[Path | None, typer.Option(help="PEM file of its key, unless that holds it too.")] = None,
+    insecure: Annotated[
+        bool, typer.Option("--insecure", help="Let everybody ask, even from beyond this machine.")
+    ] = False,
+    # limits
+    max_body_bytes: Annotated[int, typer.Option(min=1, help="Of one body.")] = DEFAULT_LIMITS.max_body_bytes,
+    max_held_bytes: Annotated[int, typer.Option(min=1, help="Of all bodies at one moment.")] = _DOORS.max_held_bytes,
+    body_timeout: Annotated[float, typer.Option(min=0.001, help="Seconds for a body to arrive.")] = _DOORS.body_timeout,
+    max_frames: Annotated[int, typer.Option(min=1, help="Frames in one body.")] = DEFAULT_LIMITS.max_frames,
+    max_pixels: Annotated[int, typer.Option(min=1, help="Of one frame.")] = DEFAULT_LIMITS.max_pixels,
+    max_text_length: Annotated[
+        int, typer.Option(min=1, help="Characters of a goal or a text.")
+    ] = DEFAULT_LIMITS.max_text_length,
+    # planner
     planner: Annotated[PlannerName, typer.Option(help="Who plans.")] = PlannerName.SCRIPTED,
     script: Annotated[Path | None, typer.Option(help="scripted: YAML or JSON file with the sentences.")] = None,
     latency: Annotated[float, typer.Option(min=0, help="scripted: seconds that each batch takes.")] = 0.0,
@@ -66,7 +91,7 @@ def serve(
 ) -> None:
     """Serve subgoals until stopped by Ctrl+C or SIGTERM.
 
-    Each option may also be given in the environment, as THINKNAV_SERVER_SERVE_<OPTION>.
+    Each option may also be given in the environment, as THINKNAV_SERVER_SERVE_<OPTION>, or in the settings file.
     """
     for signal_number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(signal_number, _leave)
@@ -74,14 +99,32 @@ def serve(
         stop_at_end_of_input()
     logging.basicConfig(level=log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     try:
-        settings = Settings(max_batch=max_batch, max_wait=max_wait, queue_size=queue_size)
+        limits = Limits(
+            max_frames=max_frames,
+            max_pixels=max_pixels,
+            max_body_bytes=max_body_bytes,
+            max_text_length=max_text_length,
+            max_texts=DEFAULT_LIMITS.max_texts,
+        )
+        settings = Settings(max_batch=max_batch, max_wait=max_wait, queue_size=queue_size, limits=limits)
+        doors = DoorSettings(
+            host=host,
+            port=port,
+            token_file=token_file,
+            tokens=os.environ.get("THINKNAV_SERVER_TOKENS", ""),
+            tls_cert=tls_cert,
+            tls_key=tls_key,
+            insecure=insecure,
+            max_held_bytes=max_held_bytes,
+            body_timeout=body_timeout,
+        )
         service = PlanningService(_planner(planner, script, latency, failure_rate, seed), HashedWords(), settings)
-        listener = bind(host, port)
+        door = open_doors(service, doors)
     except ValidationError as error:
         raise _refused(describe(error)) from None
     except (ValueError, OSError) as error:
         raise _refused(str(error)) from None
-    run(create_app(service), listener, announce, f"planner {service.info.identity}")
+    run(door.app, door.listener, announce, f"planner {service.info.identity}", door.tls)
 
 
 def main() -> None:

@@ -8,13 +8,13 @@ GET  /healthz         the process lives         GET /readyz   requests are answe
 
 import logging
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, FastAPI
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.responses import JSONResponse, Response
 
 from thinknav_proto import (
@@ -28,9 +28,10 @@ from thinknav_proto import (
     decode_requests,
     describe,
 )
-from thinknav_server.body_limit import BodyLimit
+from thinknav_server.authentication import Authentication
 from thinknav_server.disconnect import ClientGone, while_connected
 from thinknav_server.forms import read_form
+from thinknav_server.intake import Intake, IntakeLimit
 from thinknav_server.rendering import (
     BINARY_TYPES,
     media_type,
@@ -40,27 +41,37 @@ from thinknav_server.rendering import (
     render_replies,
 )
 from thinknav_server.service import PlanningService
+from thinknav_server.tokens import Tokens
 
 logger = logging.getLogger(__name__)
 
 routes = APIRouter()
 
 
-def create_app(service: PlanningService) -> FastAPI:
-    """The application; it opens the service when it starts and closes it when it stops."""
+def create_app(
+    service: PlanningService, tokens: Tokens, intake: Intake, *doors: AbstractAsyncContextManager[object]
+) -> FastAPI:
+    """The application; it opens the service and its other doors when it starts and closes them when it stops.
+
+    tokens: of the clients that may ask; none lets everybody in.
+    """
 
     @asynccontextmanager
     async def lifespan(_: FastAPI) -> AsyncIterator[None]:
-        async with service:
+        async with service, AsyncExitStack() as stack:
+            for door in doors:
+                await stack.enter_async_context(door)
             yield
 
     app = FastAPI(title="ThinkNav planning service", lifespan=lifespan, docs_url=None, redoc_url=None)
     app.state.service = service
     app.include_router(routes)
-    app.add_middleware(BodyLimit, max_bytes=service.info.limits.max_body_bytes)
+    app.add_middleware(IntakeLimit, intake=intake)
+    app.add_middleware(Authentication, tokens=tokens)  # the outermost: it refuses before a body is read
     app.add_exception_handler(PlannerError, _on_planner_error)
     app.add_exception_handler(HTTPException, _on_http_error)
     app.add_exception_handler(ClientGone, _on_client_gone)
+    app.add_exception_handler(ClientDisconnect, _on_client_gone)
     app.add_exception_handler(Exception, _on_bug)
     return app
 

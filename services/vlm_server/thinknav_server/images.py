@@ -15,6 +15,11 @@ from thinknav_proto import Frame, InvalidRequest
 
 _JPEG_START = b"\xff\xd8\xff"
 _PNG_START = b"\x89PNG\r\n\x1a\n"
+_JPEG_SCAN = b"\xff\xda"
+
+# Progressive files have about ten. Each scan goes over the whole picture and may be a dozen bytes, so that a short file
+# with thousands of them keeps a processor busy for minutes.
+MAX_JPEG_SCANS = 32
 
 
 def frame_of_file(data: bytes) -> Frame:
@@ -27,7 +32,9 @@ def frame_of_file(data: bytes) -> Frame:
 
 
 def frame_size(frame: Frame) -> tuple[int, int]:
-    """Width and height in pixels, from the header alone. Raises InvalidRequest for an unreadable header."""
+    """Width and height in pixels, from the header alone. Raises InvalidRequest for a header that cannot be read, or
+    that announces more work than its picture is worth.
+    """
     if frame.width is not None and frame.height is not None:
         return frame.width, frame.height
     if frame.encoding == "png":
@@ -36,6 +43,8 @@ def frame_size(frame: Frame) -> tuple[int, int]:
         height, width, _, _ = simplejpeg.decode_jpeg_header(frame.data)
     except ValueError as error:
         raise InvalidRequest(f"the frame is not a JPEG image: {error}") from None
+    if frame.data.count(_JPEG_SCAN) > MAX_JPEG_SCANS:
+        raise InvalidRequest(f"the JPEG frame has more than {MAX_JPEG_SCANS} scans; save it as a baseline JPEG")
     return width, height
 
 
@@ -45,7 +54,7 @@ def decode_frame(frame: Frame) -> NDArray[np.uint8]:
         width, height = frame_size(frame)
         return np.frombuffer(frame.data, dtype=np.uint8).reshape(height, width, 3)
     if frame.encoding == "png":
-        return _decode_png(frame.data)
+        return _decode_png(frame)
     try:
         pixels: NDArray[np.uint8] = simplejpeg.decode_jpeg(frame.data, colorspace="RGB")
     except ValueError as error:
@@ -63,9 +72,12 @@ def _png_size(data: bytes) -> tuple[int, int]:
     return width, height
 
 
-def _decode_png(data: bytes) -> NDArray[np.uint8]:
+def _decode_png(frame: Frame) -> NDArray[np.uint8]:
     try:
-        with Image.open(io.BytesIO(data), formats=["PNG"]) as image:
+        with Image.open(io.BytesIO(frame.data), formats=["PNG"]) as image:
+            # A file may have a second header, which Pillow takes; only the first was held against the limits.
+            if image.size != frame_size(frame):
+                raise ValueError("its headers contradict each other")
             return np.asarray(image.convert("RGB"))
     except Exception as error:  # Pillow lets OSError, ValueError, SyntaxError, struct.error and others through
         raise InvalidRequest(f"the PNG frame cannot be decoded: {str(error)[:200]}") from None

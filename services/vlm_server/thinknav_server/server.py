@@ -9,6 +9,7 @@ import logging
 import os
 import signal
 import socket
+import ssl
 import sys
 import threading
 from pathlib import Path
@@ -16,6 +17,8 @@ from pathlib import Path
 import typer
 import uvicorn
 from starlette.types import ASGIApp
+
+from thinknav_server.tokens import Tokens
 
 logger = logging.getLogger(__name__)
 
@@ -43,15 +46,48 @@ def bind(host: str, port: int) -> socket.socket:
     return listener
 
 
-def run(app: ASGIApp, listener: socket.socket, announce: Path | None, what: str) -> None:
+def tls_context(certificate: Path, key: Path | None) -> ssl.SSLContext:
+    """TLS for a listener. key: of the certificate, where its file does not hold it too. Raises ValueError."""
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    files = f"the certificate {certificate}" + (f" with the key {key}" if key else "")
+
+    def no_password() -> str:
+        raise ValueError(f"{files}: the key asks for a password; give one without")
+
+    try:
+        context.load_cert_chain(certificate, key, no_password)
+    except ssl.SSLError as error:
+        reason = (error.reason or str(error)).replace("_", " ").lower()
+        raise ValueError(f"cannot use {files}: {reason}; both must be in PEM form and belong together") from None
+    except OSError as error:
+        raise ValueError(f"cannot read {files}: {error.strerror}") from None
+    return context
+
+
+def check_exposure(address: str, tokens: Tokens, encrypted: bool, insecure: bool) -> None:
+    """Raises ValueError when others than this machine could ask without a token, unless that is wanted."""
+    if ipaddress.ip_address(address).is_loopback:
+        return
+    if not tokens and not insecure:
+        raise ValueError(
+            f"listening on {address} lets everybody who reaches it ask the planner; name the clients that may "
+            "with --token-file, or say --insecure"
+        )
+    if not tokens:
+        logger.warning("listening on %s: whoever reaches it may ask the planner", address)
+    elif not encrypted:
+        logger.warning("listening on %s: tokens and frames cross the network in the clear; see --tls-cert", address)
+
+
+def run(
+    app: ASGIApp, listener: socket.socket, announce: Path | None, what: str, tls: ssl.SSLContext | None = None
+) -> None:
     """Serve until SIGINT or SIGTERM; requests in progress may end.
 
     announce: a file that holds the URL from the moment requests are accepted until the service stops.
     """
     address, port = listener.getsockname()[:2]
     ip = ipaddress.ip_address(address)
-    if not ip.is_loopback:
-        logger.warning("listening on %s: whoever reaches this port may ask the planner", address)
     host = "127.0.0.1" if ip.is_unspecified else f"[{address}]" if ip.version == 6 else address
     config = uvicorn.Config(
         app,
@@ -59,9 +95,12 @@ def run(app: ASGIApp, listener: socket.socket, announce: Path | None, what: str)
         access_log=False,
         timeout_keep_alive=KEEP_ALIVE_S,
         timeout_graceful_shutdown=GRACE_S,
+        proxy_headers=False,  # a client's address is the one it connects from, not one that it claims
+        ssl_context_factory=None if tls is None else lambda _config, _default: tls,
     )
+    scheme = "http" if tls is None else "https"
     try:
-        _Server(config, f"http://{host}:{port}", announce, what).run(sockets=[listener])
+        _Server(config, f"{scheme}://{host}:{port}", announce, what).run(sockets=[listener])
     finally:
         if announce:
             announce.unlink(missing_ok=True)

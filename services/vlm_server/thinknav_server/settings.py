@@ -1,8 +1,9 @@
 """What an operator may set of the planning service, and the defaults. The command line fills it in."""
 
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, Self
 
-from pydantic import BaseModel, ConfigDict, Field
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from thinknav_proto import Limits
 
@@ -18,6 +19,8 @@ DEFAULT_LIMITS = Limits(
 class Settings(BaseModel):
     """How requests are batched and what is accepted.
 
+    One section of the settings; the doors' is `DoorSettings`.
+
     max_batch: requests that the planner sees at once.
     max_wait: seconds that a request may wait for others to fill its batch. 0 adds nothing to a lone request;
     batches
@@ -31,3 +34,32 @@ class Settings(BaseModel):
     max_wait: Annotated[float, Field(ge=0, le=10)] = 0.0
     queue_size: Annotated[int, Field(ge=1)] = 256
     limits: Limits = DEFAULT_LIMITS
+
+
+class DoorSettings(BaseModel):
+    """Where the service listens, and to whom.
+
+    host, port: of the HTTP door; port 0 picks a free one.
+    token_file, tokens: the clients that may ask, `name:token` a line, or separated by commas; none: everybody.
+    tls_cert, tls_key: PEM files; with them the doors speak TLS.
+    insecure: whether everybody may ask where others than this machine can.
+    max_held_bytes: of all bodies that the service holds at one moment. body_timeout: seconds for a body to arrive.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    host: str = "127.0.0.1"
+    port: Annotated[int, Field(ge=0, le=65535)] = 8765
+    token_file: Path | None = None
+    tokens: Annotated[str, Field(repr=False)] = ""
+    tls_cert: Path | None = None
+    tls_key: Path | None = None
+    insecure: bool = False
+    max_held_bytes: Annotated[int, Field(ge=1)] = 1024 * 1024 * 1024
+    body_timeout: Annotated[float, Field(gt=0)] = 30.0
+
+    @model_validator(mode="after")
+    def _complete(self) -> Self:
+        if self.tls_key and not self.tls_cert:
+            raise ValueError("--tls-key needs --tls-cert: the certificate that the key belongs to")
+        return self

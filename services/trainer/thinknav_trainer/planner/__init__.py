@@ -3,8 +3,8 @@
     with connect("http://127.0.0.1:8765") as planner:
         replies = planner.ask(requests)
 
-`MockTransport` stands in for a service, with any behaviour that a function can have. The errors are the
-contract's.
+`MockTransport` stands in for a service, with any behaviour that a function can have; `FunctionTransport` is a planner
+in our own process. The errors are the contract's.
 """
 
 from thinknav_proto import (
@@ -21,18 +21,21 @@ from thinknav_proto import (
     Unauthenticated,
     Unavailable,
 )
-from thinknav_trainer.planner.client import Counts, PlannerClient
+from thinknav_trainer.planner.client import Answer, Counts, PlannerClient
 from thinknav_trainer.planner.connect import connect
 from thinknav_trainer.planner.frames import encode_frame
+from thinknav_trainer.planner.function_transport import FunctionTransport
 from thinknav_trainer.planner.http_transport import HttpTransport
 from thinknav_trainer.planner.mock_transport import MOCK_INFO, MockTransport, reply_to
 from thinknav_trainer.planner.transport import Transport
 
 __all__ = [
     "MOCK_INFO",
+    "Answer",
     "Counts",
     "DeadlineExceeded",
     "Frame",
+    "FunctionTransport",
     "HttpTransport",
     "InvalidRequest",
     "MockTransport",

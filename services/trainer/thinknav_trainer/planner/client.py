@@ -5,7 +5,9 @@ Knows the contract and the service's limits; how bodies travel is the transport'
 
 import threading
 from collections.abc import Iterator, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import partial
 from types import TracebackType
 from typing import Self
 
@@ -22,7 +24,13 @@ from thinknav_proto import (
     SubgoalReply,
     SubgoalRequest,
 )
+from thinknav_trainer.planner.daemon_threads import DaemonThreads
 from thinknav_trainer.planner.transport import Transport
+
+Answer = SubgoalReply | PlannerError
+
+# More requests than this are not under way at once; the others wait for one of them.
+MAX_OUTSTANDING = 256
 
 # Room in a body for all but the frames: ids, goals and the map around them.
 _ENVELOPE_BYTES = 4096
@@ -53,6 +61,7 @@ class PlannerClient:
         self._info = transport.info()
         self._counts = Counts()
         self._counting = threading.Lock()
+        self._threads: DaemonThreads[Answer] = DaemonThreads(MAX_OUTSTANDING, "planner-client")
 
     def __enter__(self) -> Self:
         return self
@@ -73,18 +82,25 @@ class PlannerClient:
         with self._counting:
             return self._counts
 
-    def ask(self, requests: Sequence[SubgoalRequest]) -> list[SubgoalReply | PlannerError]:
+    def ask(self, requests: Sequence[SubgoalRequest]) -> list[Answer]:
         """One reply or error for each request, in their order. Blocks; never raises a PlannerError.
 
         The requests travel in as few bodies as the service's limits allow.
         """
-        answers: list[SubgoalReply | PlannerError] = []
+        answers: list[Answer] = []
         for body in _bodies(requests, self._info.limits):
             answers += self._ask_body(body)
         failed = sum(isinstance(answer, PlannerError) for answer in answers)
         with self._counting:
             self._counts = Counts(self._counts.answered + len(answers) - failed, self._counts.failed + failed)
         return answers
+
+    def submit(self, requests: Sequence[SubgoalRequest]) -> list[Future[Answer]]:
+        """One future reply or error for each request, in their order. Does not block.
+
+        Each travels alone, so that none waits for another's answer. Futures whose client is closed may never be done.
+        """
+        return [self._threads.submit(partial(self._ask_alone, request)) for request in requests]
 
     def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
         """The embeddings (N, 512) float32 of N texts, in `info.embedding_space`. Raises PlannerError."""
@@ -93,10 +109,15 @@ class PlannerClient:
         return np.concatenate(parts) if parts else np.zeros((0, EMBEDDING_DIMENSION), np.float32)
 
     def close(self) -> None:
-        """Close the transport."""
+        """Close the transport. Nobody hears what is still under way."""
+        self._threads.close()
         self._transport.close()
 
-    def _ask_body(self, requests: Sequence[SubgoalRequest]) -> list[SubgoalReply | PlannerError]:
+    def _ask_alone(self, request: SubgoalRequest) -> Answer:
+        [answer] = self.ask([request])
+        return answer
+
+    def _ask_body(self, requests: Sequence[SubgoalRequest]) -> list[Answer]:
         try:
             answers = self._transport.ask(requests)
         except PlannerError as error:
@@ -134,7 +155,7 @@ def _bodies(requests: Sequence[SubgoalRequest], limits: Limits) -> Iterator[list
         yield body
 
 
-def _checked(request: SubgoalRequest, answer: SubgoalReply | PlannerError) -> SubgoalReply | PlannerError:
+def _checked(request: SubgoalRequest, answer: Answer) -> Answer:
     if isinstance(answer, SubgoalReply) and answer.request_id != request.request_id:
         return ProtocolMismatch(f"the service answered {answer.request_id[:64]!r} to {request.request_id!r}")
     return answer

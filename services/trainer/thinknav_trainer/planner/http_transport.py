@@ -28,6 +28,8 @@ from thinknav_proto import (
 # A proxy before the service answers these by itself when the service is away.
 _GATEWAY_STATUSES = (502, 503, 504)
 
+MAX_IDLE_CONNECTIONS = 64
+
 
 class HttpTransport:
     """A service at a URL such as http://127.0.0.1:8765. Raises Unavailable for a URL that is none.
@@ -44,7 +46,9 @@ class HttpTransport:
         self._grace = grace
         if not self._url.startswith(("http://", "https://")):
             raise Unavailable(f"{url!r} is not the URL of a planning service; those read http://127.0.0.1:8765")
-        self._client = httpx.Client(trust_env=False, headers={"Accept": CONTENT_TYPE})
+        # As many connections as are asked for: how many requests are under way at once is for the client to limit.
+        limits = httpx.Limits(max_connections=None, max_keepalive_connections=MAX_IDLE_CONNECTIONS)
+        self._client = httpx.Client(trust_env=False, headers={"Accept": CONTENT_TYPE}, limits=limits)
 
     def info(self) -> PlannerInfo:
         return decode_info(self._call("GET", "/v1/planner", None, self._timeout))

@@ -1,0 +1,22 @@
+"""Agents: a policy, the planner-only agent, and baselines, all driven through `Agent`."""
+
+from thinknav_trainer.agents.agent import Agent
+from thinknav_trainer.agents.baselines import BumpWalker, PerfectStop, RandomAgent, ShortestPathAgent
+from thinknav_trainer.agents.named import AGENTS, MakeAgent, NamedAgent, obedient
+from thinknav_trainer.agents.obedient import Obedience, ObedientAgent
+from thinknav_trainer.agents.policy_agent import PolicyAgent
+
+__all__ = [
+    "AGENTS",
+    "Agent",
+    "BumpWalker",
+    "MakeAgent",
+    "NamedAgent",
+    "Obedience",
+    "ObedientAgent",
+    "PerfectStop",
+    "PolicyAgent",
+    "RandomAgent",
+    "ShortestPathAgent",
+    "obedient",
+]

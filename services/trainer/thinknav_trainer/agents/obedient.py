@@ -1,0 +1,109 @@
+"""The planner-only agent: it thinks, does what it is told, and thinks again.
+
+It shows what a planner is worth without any learning, and a policy can begin by imitating it. It knows what every
+policy knows: observations and replies; nothing privileged.
+"""
+
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thinknav_sim.observations import Observations
+from thinknav_sim.task_config import Action
+from thinknav_trainer.direction import subgoal_direction
+from thinknav_trainer.thinking import Thought
+
+# Who came no farther than this by a step forward stands before something. Contact leaves up to 1 cm to walk.
+BLOCKED_M = 0.05
+# Turns away from what blocks, before the planner is asked again: what it says 30 degrees on is nearly independent.
+TURNS_AWAY = 3
+
+
+@dataclass(frozen=True)
+class Obedience:
+    """How a planner is obeyed.
+
+    turns, forwards: how many 10-degree turns and steps one "turn left" or "move forward" stands for.
+    stop_gate: `stop` is believed from this confidence on; a planner without confidences is always believed.
+    looks: how many replies in a row must say so, each from 10 degrees farther on, before the agent stops.
+    """
+
+    turns: int = 1
+    forwards: int = 1
+    stop_gate: float = 0.8
+    looks: int = 2
+
+    def __post_init__(self) -> None:
+        if min(self.turns, self.forwards, self.looks) < 1 or not 0 <= self.stop_gate <= 1:
+            raise ValueError(f"turns, forwards and looks must be at least 1 and stop_gate within 0 to 1, not {self}")
+
+
+@dataclass
+class _State:
+    """One env's episode so far.
+
+    plan: actions to take before the next thought. stops: replies in a row that said stop, and were believed.
+    side: the way to turn from what blocks. place: gps (2,) before the last step forward, none after anything else.
+    """
+
+    side: Action
+    plan: deque[Action] = field(default_factory=deque)
+    stops: int = 0
+    place: NDArray[np.float32] | None = None
+
+
+class ObedientAgent:
+    """Thinks and obeys, in N envs.
+
+    A subgoal without a direction, a failed think and a `stop` that is not believed all lead forward. Bumping into
+    something turns it away, to a side that is drawn anew once it has come free.
+    """
+
+    def __init__(self, num_envs: int, obedience: Obedience = Obedience(), seed: int = 0) -> None:
+        self._obedience = obedience
+        self._rng = np.random.default_rng(seed)
+        self._states = [_State(self._draw_side()) for _ in range(num_envs)]
+
+    def actions(self, observations: Observations, thoughts: Sequence[Thought]) -> NDArray[np.int64]:
+        for thought in thoughts:
+            self._obey(self._states[thought.env], thought)
+        gps = observations["gps"]
+        return np.array([self._next(state, gps[env]) for env, state in enumerate(self._states)], np.int64)
+
+    def ended(self, done: NDArray[np.bool_]) -> None:
+        for env in np.flatnonzero(done):
+            self._states[env] = _State(self._draw_side())
+
+    def _obey(self, state: _State, thought: Thought) -> None:
+        direction = None if thought.subgoal is None else subgoal_direction(thought.subgoal)
+        sure = thought.confidence is None or thought.confidence >= self._obedience.stop_gate
+        state.stops = state.stops + 1 if direction == Action.STOP and sure else 0
+        if state.stops:
+            done = state.stops >= self._obedience.looks
+            # A second look is of use only from elsewhere: on the same frame, errors would repeat.
+            state.plan.append(Action.STOP if done else _opposite_in_turn(state.stops))
+        elif direction in (Action.TURN_LEFT, Action.TURN_RIGHT):
+            state.plan.extend([direction] * self._obedience.turns)
+        else:
+            state.plan.extend([Action.MOVE_FORWARD] * self._obedience.forwards)
+
+    def _next(self, state: _State, gps: NDArray[np.float32]) -> Action:
+        if state.place is not None:
+            if float(np.linalg.norm(gps - state.place)) < BLOCKED_M:
+                state.plan = deque([state.side] * TURNS_AWAY)
+            else:
+                state.side = self._draw_side()
+        action = state.plan.popleft() if state.plan else Action.THINK
+        state.place = gps.copy() if action == Action.MOVE_FORWARD else None
+        return action
+
+    def _draw_side(self) -> Action:
+        return Action.TURN_LEFT if self._rng.random() < 0.5 else Action.TURN_RIGHT
+
+
+def _opposite_in_turn(look: int) -> Action:
+    """Left for the second look, right for the third: what was seen stays in view."""
+    return Action.TURN_LEFT if look % 2 else Action.TURN_RIGHT

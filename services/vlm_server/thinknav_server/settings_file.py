@@ -1,0 +1,52 @@
+"""Options of the command line from a YAML file, for those that neither the command line nor the environment gives.
+
+    thinknav-server serve --config server.yaml
+
+A key is the name of an option with underscores or dashes (`max_batch: 16`). One file may serve several commands: what
+another command of `thinknav-server` understands is passed over.
+"""
+
+import difflib
+from pathlib import Path
+from typing import Annotated
+
+import typer
+import yaml
+
+
+def _read(context: typer.Context, path: Path | None) -> Path | None:
+    """The file's values as click's defaults: below the command line and the environment, above the built-in ones."""
+    if path is None or context.resilient_parsing:
+        return path
+    try:
+        values = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise typer.BadParameter(f"cannot read {path}: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise typer.BadParameter(f"{path} is not YAML: {' '.join(str(error).split())}") from None
+    if not isinstance(values or {}, dict):
+        raise typer.BadParameter(f"{path} must hold a mapping such as 'port: 8765', not a {type(values).__name__}")
+    settings = {str(key).replace("-", "_"): value for key, value in (values or {}).items()}
+    known = _options(context)
+    for name in settings:
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=1)
+            hint = f"; did you mean {close[0]!r}?" if close else ""
+            raise typer.BadParameter(f"{path}: there is no option {name!r}{hint}")
+    context.default_map = {**settings, **(context.default_map or {})}
+    return path
+
+
+def _options(context: typer.Context) -> set[str]:
+    """The names of the options of all commands."""
+    group = context.parent.command if context.parent else context.command
+    commands = getattr(group, "commands", {}).values()
+    own = [parameter.name for parameter in context.command.params]
+    others = [parameter.name for command in commands for parameter in command.params]
+    return {name for name in (*own, *others) if name and name != "_config"}
+
+
+SettingsFile = Annotated[
+    Path | None,
+    typer.Option("--config", is_eager=True, callback=_read, help="YAML file of options: max_batch: 16"),
+]

@@ -1,0 +1,156 @@
+"""The planner-only agent, step by step: what it does when it is told what, and when it runs into things."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from thinknav_sim.observations import Observations
+from thinknav_sim.task_config import Action
+from thinknav_trainer.agents import Obedience, ObedientAgent
+from thinknav_trainer.agents.obedient import TURNS_AWAY
+from thinknav_trainer.thinking import Thought
+
+STOP, FORWARD, LEFT, RIGHT, THINK = Action
+
+
+class Drive:
+    """One agent in a world of which it feels its place alone."""
+
+    def __init__(self, agent: ObedientAgent) -> None:
+        self.agent = agent
+        self.gps = np.zeros((1, 2), np.float32)
+
+    def act(self, *said: Thought) -> Action:
+        observations: Observations = {"gps": self.gps.copy()}
+        (action,) = self.agent.actions(observations, said)
+        return Action(action)
+
+    def told(self, subgoal: str | None, confidence: float | None = None) -> Action:
+        """It thinks, is told this, and does what?"""
+        assert self.act() == THINK
+        return self.act(Thought(0, "chair", subgoal, None, confidence))
+
+    def walks(self) -> None:
+        """The step forward was free."""
+        self.gps += 0.25
+
+
+@pytest.fixture
+def drive() -> Drive:
+    return Drive(ObedientAgent(1))
+
+
+@pytest.mark.parametrize(
+    ("subgoal", "action"),
+    [
+        ("turn left to the door", LEFT),
+        ("turn right", RIGHT),
+        ("move forward", FORWARD),
+        ("look at the lamp", FORWARD),
+        (None, FORWARD),
+    ],
+)
+def test_it_does_what_it_is_told_and_thinks_again(drive: Drive, subgoal: str | None, action: Action) -> None:
+    assert drive.told(subgoal) == action
+    drive.walks()
+    assert drive.act() == THINK
+
+
+def test_one_word_may_stand_for_several_steps() -> None:
+    drive = Drive(ObedientAgent(1, Obedience(turns=3, forwards=2)))
+    assert [drive.told("turn right"), drive.act(), drive.act(), drive.act()] == [RIGHT, RIGHT, RIGHT, THINK]
+    assert drive.act(Thought(0, "chair", "move forward")) == FORWARD
+    drive.walks()
+    assert drive.act() == FORWARD
+    drive.walks()
+    assert drive.act() == THINK
+
+
+def test_stop_takes_a_second_look_from_another_side(drive: Drive) -> None:
+    assert drive.told("stop, it is right ahead", 0.9) == LEFT
+    assert drive.told("stop", 0.85) == STOP
+
+
+def test_a_stop_that_is_not_confirmed_is_forgotten(drive: Drive) -> None:
+    assert drive.told("stop", 0.9) == LEFT
+    assert drive.told("turn left") == LEFT
+    assert drive.told("stop", 0.9) == LEFT  # the first of two again
+    assert drive.told("stop", 0.5) == FORWARD  # too unsure to confirm anything
+    drive.walks()
+    assert drive.told("stop", 0.9) == LEFT
+
+
+def test_a_stop_below_the_gate_leads_forward(drive: Drive) -> None:
+    assert drive.told("stop", 0.79) == FORWARD
+
+
+def test_a_planner_without_confidence_is_believed(drive: Drive) -> None:
+    assert drive.told("stop") == LEFT
+    assert drive.told("stop") == STOP
+
+
+def test_one_look_stops_at_once_and_three_look_to_both_sides() -> None:
+    assert Drive(ObedientAgent(1, Obedience(looks=1))).told("stop", 0.8) == STOP
+    drive = Drive(ObedientAgent(1, Obedience(looks=3)))
+    assert [drive.told("stop", 1.0) for _ in range(3)] == [LEFT, RIGHT, STOP]
+
+
+def test_bumping_turns_it_away_to_the_same_side_until_it_comes_free(drive: Drive) -> None:
+    sides = set()
+    for _ in range(4):
+        assert drive.told("move forward") == FORWARD
+        turns = [drive.act() for _ in range(TURNS_AWAY)]
+        assert set(turns) in ({LEFT}, {RIGHT})
+        sides |= set(turns)
+    assert len(sides) == 1
+    assert drive.told("move forward") == FORWARD
+    drive.walks()
+    assert drive.act() == THINK
+
+
+def test_it_comes_free_to_either_side(drive: Drive) -> None:
+    sides = []
+    for _ in range(30):
+        drive.told("move forward")
+        turns = [drive.act() for _ in range(TURNS_AWAY)]
+        sides.append(turns[0])
+        drive.told("move forward")
+        drive.walks()
+    assert set(sides) == {LEFT, RIGHT}
+
+
+def test_a_bump_ends_what_it_was_about_to_do() -> None:
+    drive = Drive(ObedientAgent(1, Obedience(forwards=4)))
+    assert drive.told("move forward") == FORWARD
+    assert [drive.act() for _ in range(TURNS_AWAY + 1)][1:] == [
+        *[drive.agent._states[0].side] * (TURNS_AWAY - 1),
+        THINK,
+    ]
+
+
+def test_turning_on_the_spot_is_no_bump(drive: Drive) -> None:
+    for _ in range(5):
+        assert drive.told("turn left") == LEFT
+
+
+def test_each_env_has_its_own_episode() -> None:
+    agent = ObedientAgent(2, Obedience(turns=2))
+    observations: Observations = {"gps": np.zeros((2, 2), np.float32)}
+
+    def act(*said: Thought) -> list[int]:
+        actions: NDArray[np.int64] = agent.actions(observations, said)
+        return list(actions)
+
+    assert act() == [THINK, THINK]
+    assert act(Thought(0, "chair", "turn left"), Thought(1, "bed", "turn right")) == [LEFT, RIGHT]
+    agent.ended(np.array([True, False]))
+    assert act() == [THINK, RIGHT]
+    agent.ended(np.array([False, False]))
+    assert act(Thought(0, "sofa", "stop")) == [LEFT, THINK]
+
+
+def test_manners_that_make_no_sense_are_refused() -> None:
+    with pytest.raises(ValueError, match="at least 1 and stop_gate within 0 to 1"):
+        Obedience(turns=0)
+    with pytest.raises(ValueError, match="stop_gate within 0 to 1"):
+        Obedience(stop_gate=1.5)

@@ -1,0 +1,131 @@
+"""Named agents in whole episodes of real homes."""
+
+import re
+from collections.abc import Sequence
+
+import pytest
+
+from thinknav_models import HashedWords
+from thinknav_proto import SubgoalReply, SubgoalRequest
+from thinknav_sim.scene import GOAL_CATEGORIES
+from thinknav_trainer.agents import AGENTS
+from thinknav_trainer.config import ConfigError, TrainConfig
+from thinknav_trainer.evaluate import Conditions, EpisodeRecord, play
+from thinknav_trainer.evaluate_agent import Setting, evaluate_agent, named_agent
+from thinknav_trainer.home_sets import HomeSet, make_home_set, parse_home_set
+from thinknav_trainer.interrupt import Interruption
+from thinknav_trainer.planner import MOCK_INFO, FunctionTransport, MockTransport, PlannerClient, reply_to
+from thinknav_trainer.scenes import Homes
+
+
+def played(
+    agent: str, smoke: TrainConfig, homes: Homes, planner: PlannerClient | None = None, episodes: int = 12
+) -> list[EpisodeRecord]:
+    env = smoke.env.model_copy(update={"max_steps": 200})
+    think = smoke.think.model_copy(update={"strategy": "agent" if planner else "never"})
+    conditions = Conditions(env, think, num_envs=4, seed=0)
+    return play(AGENTS[agent].make, conditions, homes.scenes, homes.train[:episodes], planner, Interruption())
+
+
+def success(records: list[EpisodeRecord]) -> float:
+    return sum(record.measures["success"] for record in records) / len(records)
+
+
+def test_who_knows_the_way_finds_everything(smoke: TrainConfig, homes: Homes) -> None:
+    records = played("shortest-path", smoke, homes)
+    assert [record.episode_id for record in records] == [episode.episode_id for episode in homes.train[:12]]
+    assert success(records) == 1
+    assert all(record.measures["spl"] > 0.7 for record in records)
+
+
+def test_a_perfect_stop_never_stops_in_vain(smoke: TrainConfig, homes: Homes) -> None:
+    found = []
+    for agent in ("random-perfect-stop", "bump-walker-perfect-stop"):
+        records = played(agent, smoke, homes)
+        assert all(record.measures["success"] != record.measures["timed_out"] for record in records)
+        found.append(success(records))
+    assert 0 < found[1] < 1
+
+
+def test_who_never_stops_never_finds(smoke: TrainConfig, homes: Homes) -> None:
+    assert all(record.measures["timed_out"] for record in played("bump-walker", smoke, homes))
+
+
+def test_the_same_again(smoke: TrainConfig, homes: Homes) -> None:
+    for agent in ("random", "bump-walker-perfect-stop"):
+        assert played(agent, smoke, homes) == played(agent, smoke, homes)
+
+
+def test_the_planner_only_agent_thinks_and_its_seconds_count(smoke: TrainConfig, homes: Homes) -> None:
+    with PlannerClient(MockTransport(lambda request: "turn left", latency=0.01, sleep=lambda _: None)) as planner:
+        records = played("planner", smoke, homes, planner, episodes=4)
+    for record in records:
+        assert record.measures["think_rate"] == 0.5
+        assert len(record.thoughts) == record.measures["thinks"] == 100
+        assert record.measures["planner_seconds"] == pytest.approx(1.0)
+
+
+def test_a_planner_that_says_stop_ends_every_episode_on_the_fourth_step(smoke: TrainConfig, homes: Homes) -> None:
+    with PlannerClient(MockTransport(lambda request: "stop")) as planner:
+        records = played("planner", smoke, homes, planner)
+    assert [record.measures["steps"] for record in records] == [4] * 12  # think, turn, think, stop
+    assert [[subgoal for _, subgoal in record.thoughts] for record in records] == [["stop", "stop"]] * 12
+
+
+def test_a_planner_of_our_own_process_is_asked_in_batches(smoke: TrainConfig) -> None:
+    sizes: set[int] = set()
+
+    def answer(requests: Sequence[SubgoalRequest]) -> list[SubgoalReply]:
+        sizes.add(len(requests))
+        return [reply_to(request, "move forward") for request in requests]
+
+    transport = FunctionTransport(MOCK_INFO, answer, HashedWords().encode)
+    with PlannerClient(transport) as planner:
+        protocol, records = evaluate_agent("planner", HomeSet("val", 0, 1), 4, Setting(smoke), planner)
+    assert max(sizes) == 4
+    assert len(records) == protocol["episodes"] == 4
+    assert protocol["planner"] == "mock@0"
+    assert protocol["homes"] == "val:0-1"
+    assert protocol["obedience"] == {"turns": 1, "forwards": 1, "stop_gate": 0.8, "looks": 2}
+
+
+def test_agents_that_are_not_there_or_lack_a_planner_are_refused(smoke: TrainConfig) -> None:
+    with pytest.raises(ConfigError, match="there is no agent 'walker'; there are planner, random"):
+        named_agent("walker")
+    with pytest.raises(ConfigError, match="agent 'planner' thinks, and needs a planner"):
+        evaluate_agent("planner", HomeSet("val", 0, 1), 1, Setting(smoke))
+
+
+# Homes
+
+
+def test_home_sets_are_read_as_they_are_written() -> None:
+    assert parse_home_set("val:0-20") == HomeSet("val", 0, 20)
+    assert str(HomeSet("train", 3, 5)) == "train:3-5"
+    assert len(parse_home_set("planner:10-12")) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("val", "homes are named SPLIT:FIRST-END, such as val:0-20"),
+        ("test:0-2", "with a split of train, planner, val"),
+        ("val:3-3", "names no homes"),
+        ("val:0-1000001", "END at most 1000000"),
+    ],
+)
+def test_home_sets_that_are_none_are_refused(text: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(words)):
+        parse_home_set(text)
+
+
+def test_categories_and_homes_come_equally_often(smoke: TrainConfig) -> None:
+    scenes, episodes = make_home_set(HomeSet("val", 0, 4), 26, smoke.env)
+    names = [episode.scene_name for episode in episodes]
+    assert [names.count(scene.name) for scene in scenes] == [6, 7, 6, 7]
+    categories = [episode.object_category for episode in episodes]
+    counts = [categories.count(category) for category in GOAL_CATEGORIES]
+    assert max(counts) - min(counts) <= 2
+    assert len({episode.episode_id for episode in episodes}) == 26
+    with pytest.raises(ConfigError, match="3 episodes are too few for 4 homes"):
+        make_home_set(HomeSet("val", 0, 4), 3, smoke.env)
