@@ -48,17 +48,27 @@ class Memory:
     hidden: Tensor
 
 
+def _convolution(inputs: int, outputs: int, size: int, stride: int, padding: int) -> list[nn.Module]:
+    """A convolution and its normalisation, without which a trunk this small hardly learns."""
+    return [nn.Conv2d(inputs, outputs, size, stride, padding, bias=False), nn.BatchNorm2d(outputs)]
+
+
 class ResidualBlock(nn.Module):
     """Two convolutions whose sum with the input starts as the input."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
-        self.first = nn.Conv2d(channels, channels, 3, padding=1)
-        self.second = nn.Conv2d(channels, channels, 3, padding=1)
-        nn.init.zeros_(self.second.weight)
+        last = nn.BatchNorm2d(channels)
+        nn.init.zeros_(last.weight)
+        self.layers = nn.Sequential(
+            *_convolution(channels, channels, 3, 1, 1),
+            nn.ReLU(),
+            nn.Conv2d(channels, channels, 3, padding=1, bias=False),
+            last,
+        )
 
     def forward(self, features: Tensor) -> Tensor:
-        return functional.relu(features + self.second(functional.relu(self.first(features))))
+        return functional.relu(features + self.layers(features))
 
 
 class ViewTrunk(nn.Module):
@@ -68,19 +78,22 @@ class ViewTrunk(nn.Module):
         super().__init__()
         low, middle, high = channels
         self.layers = nn.Sequential(
-            nn.Conv2d(3, low, 4, stride=4),
+            *_convolution(3, low, 4, 4, 0),
             nn.ReLU(),
-            nn.Conv2d(low, middle, 3, stride=2, padding=1),
+            *_convolution(low, middle, 3, 2, 1),
             nn.ReLU(),
             ResidualBlock(middle),
-            nn.Conv2d(middle, high, 3, stride=2, padding=1),
+            *_convolution(middle, high, 3, 2, 1),
             nn.ReLU(),
             ResidualBlock(high),
             ResidualBlock(high),
         )
+        for module in self.modules():
+            if isinstance(module, nn.Conv2d):
+                nn.init.kaiming_normal_(module.weight, mode="fan_out", nonlinearity="relu")
 
     def forward(self, views: Tensor) -> Tensor:
-        """(B, 128, 128, 3) uint8 to (B, channels, 8, 8)."""
+        """(B, 128, 128, 3) of 0 to 255 to (B, channels, 8, 8)."""
         images = views.permute(0, 3, 1, 2).to(self.layers[0].weight.dtype)
         features: Tensor = self.layers((images / 255 - 0.5).contiguous(memory_format=torch.channels_last))
         return features

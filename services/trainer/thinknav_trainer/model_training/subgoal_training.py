@@ -14,6 +14,7 @@ import numpy as np
 import torch
 from torch import Tensor
 from torch.nn import functional
+from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 from torch.utils.data import DataLoader
 
 from thinknav_models.subgoal_language import Vocabulary
@@ -49,7 +50,7 @@ class Schooling:
     visits: int = 6000
     homes: int = 100_000
     batch: int = 2
-    lr: float = 1e-3
+    lr: float = 2e-3
     warm_up: int = 100
     weight_decay: float = 0.02
     save_every: int = 200
@@ -67,7 +68,8 @@ def teach(schooling: Schooling, folder: Path) -> tuple[Vocabulary, SubgoalNetwor
     torch.manual_seed(schooling.seed)
     vocabulary, network = new_network()
     optimizer = torch.optim.AdamW(network.parameters(), lr=schooling.lr, weight_decay=schooling.weight_decay)
-    averaged = torch.optim.swa_utils.AveragedModel(network, multi_avg_fn=torch.optim.swa_utils.get_ema_multi_avg_fn(0.998))
+    ema = get_ema_multi_avg_fn(0.998)
+    averaged = AveragedModel(network, multi_avg_fn=ema, use_buffers=True)
     done = _resume(folder, schooling, network, averaged, optimizer)
     collate = Collator(vocabulary)
     network.train()
