@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
+from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 IMAGE_SIZE = 128
 GRID = 8  # the trunk's features
@@ -68,7 +69,8 @@ class ResidualBlock(nn.Module):
         )
 
     def forward(self, features: Tensor) -> Tensor:
-        return functional.relu(features + self.layers(features))
+        out: Tensor = functional.relu(features + self.layers(features))
+        return out
 
 
 class ViewTrunk(nn.Module):
@@ -94,9 +96,19 @@ class ViewTrunk(nn.Module):
 
     def forward(self, views: Tensor) -> Tensor:
         """(B, 128, 128, 3) of 0 to 255 to (B, channels, 8, 8)."""
-        images = views.permute(0, 3, 1, 2).to(self.layers[0].weight.dtype)
+        images = views.permute(0, 3, 1, 2).to(next(self.parameters()).dtype)
         features: Tensor = self.layers((images / 255 - 0.5).contiguous(memory_format=torch.channels_last))
         return features
+
+
+def fold_normalisation(trunk: ViewTrunk) -> None:
+    """Put each normalisation into the convolution before it, in place: the same answers, sooner. For a taught trunk."""
+    for module in list(trunk.modules()):
+        if isinstance(module, nn.Sequential):
+            for index in range(1, len(module)):
+                before, norm = module[index - 1], module[index]
+                if isinstance(before, nn.Conv2d) and isinstance(norm, nn.BatchNorm2d):
+                    module[index - 1], module[index] = fuse_conv_bn_eval(before, norm), nn.Identity()
 
 
 class DecoderLayer(nn.Module):
@@ -139,7 +151,8 @@ class DecoderLayer(nn.Module):
 def _attention(query: Tensor, key: Tensor, value: Tensor, hidden: Tensor) -> Tensor:
     """Written out: for a few queries of size 32, torch's fused attention takes three times as long on a CPU."""
     scores = query @ key.transpose(-1, -2) * (key.shape[-1] ** -0.5)
-    return scores.masked_fill(hidden, -math.inf).softmax(dim=-1).to(value.dtype) @ value
+    attended: Tensor = scores.masked_fill(hidden, -math.inf).softmax(dim=-1).to(value.dtype) @ value
+    return attended
 
 
 def _joined(attended: Tensor) -> Tensor:
@@ -232,6 +245,6 @@ class SubgoalNetwork(nn.Module):
         return logits.float()
 
 
-def bearing_loss_targets(bearing: Tensor, distance: Tensor, in_view: Tensor) -> Tensor:
-    """What the auxiliary head should say (..., 4): radians, metres and bool, each (...)."""
+def way_targets(bearing: Tensor, distance: Tensor, in_view: Tensor) -> Tensor:
+    """What the `way` head should say (..., 4), of radians, metres and bool, each (...)."""
     return torch.stack([bearing.cos(), bearing.sin(), torch.log1p(distance) / math.log(10), in_view.float()], dim=-1)

@@ -17,12 +17,21 @@ from torch.nn import functional
 
 from thinknav_models.bfloat16 import bfloat16_is_fast
 from thinknav_models.subgoal_language import DIRECTIONS, SPECIAL, Vocabulary
-from thinknav_models.subgoal_network import IMAGE_SIZE, MODES, Memory, NetworkConfig, SubgoalNetwork
+from thinknav_models.subgoal_network import (
+    IMAGE_SIZE,
+    MODES,
+    Memory,
+    NetworkConfig,
+    SubgoalNetwork,
+    fold_normalisation,
+)
 from thinknav_models.weights import SHIPPED, Weights, load_weights, save_weights
 
 KIND = "subgoal-vlm"
 SHIPPED_FILE = SHIPPED / "subgoal_vlm.safetensors"
 MAX_RECENT = 4  # earlier views that it was taught with; of more, the latest count
+
+MAX_SENTENCES = 5  # of a plan
 
 _LONGEST = {"subgoal": 14, "plan": 60}  # tokens
 _STOP = DIRECTIONS.index("stop")
@@ -59,12 +68,12 @@ class SubgoalVLM:
     """A taught network and its words. One thread at a time may ask it."""
 
     def __init__(self, vocabulary: Vocabulary, network: SubgoalNetwork, stop_gate: float, seed: int = 0) -> None:
-        """stop_gate: how probable `stop` must be to be said. seed: of what is drawn at a temperature."""
+        """Take over a network. stop_gate: how probable `stop` must be to be said. seed: of what is drawn."""
         self.vocabulary = vocabulary
         self.stop_gate = stop_gate
         self.network = network.eval()
-        self._trunk_dtype = torch.bfloat16 if bfloat16_is_fast() else torch.float32
-        self.network.trunk.to(self._trunk_dtype, memory_format=torch.channels_last)
+        fold_normalisation(network.trunk)
+        network.trunk.to(torch.bfloat16 if bfloat16_is_fast() else torch.float32)
         self._generator = torch.Generator().manual_seed(seed)
         self._never = torch.zeros(len(vocabulary), dtype=torch.bool)
         self._never[[vocabulary.padding, vocabulary.unknown]] = True
@@ -108,8 +117,7 @@ class SubgoalVLM:
         while tokens.shape[1] < _LONGEST[mode] and not ended.all():
             hidden, past = self.network.decode(first, tokens[:, -1:] if past is not None else tokens, memory, past)
             logits = self.network.logits(hidden[:, -1])
-            allowed = self._allowed(logits, mode, beginning=tokens.shape[1] == 0)
-            token = self._draw(logits.masked_fill(~allowed, -torch.inf), temperatures)
+            token = self._draw(logits.masked_fill(~self._allowed(logits, tokens, mode), -torch.inf), temperatures)
             token[ended] = self.vocabulary.padding
             chance = logits.softmax(dim=1).gather(1, token[:, None])
             tokens, chances = torch.cat([tokens, token[:, None]], dim=1), torch.cat([chances, chance], dim=1)
@@ -136,18 +144,23 @@ class SubgoalVLM:
         )
         return self.network.remember(features, views, headings), first
 
-    def _allowed(self, logits: Tensor, mode: str, beginning: bool) -> Tensor:
-        """(N, words) bool: what may be said next. A sentence begins with a direction; `stop` must be sure."""
-        allowed = (~self._never).repeat(len(logits), 1)
-        if mode == "subgoal":
-            allowed[:, self.vocabulary.next] = False
-        if beginning:
-            directions = list(self.vocabulary.directions)
-            allowed[:] = False
-            allowed[:, directions] = True
-            if mode == "subgoal":
-                sure = logits[:, directions].softmax(dim=1)[:, _STOP] >= self.stop_gate
-                allowed[:, directions] &= (sure[:, None]) == (torch.arange(len(directions)) == _STOP)
+    def _allowed(self, logits: Tensor, tokens: Tensor, mode: str) -> Tensor:
+        """(N, words) bool: what may be said after the tokens (N, so far). A sentence begins with a direction.
+
+        A subgoal is one sentence, and its `stop` must be sure.
+        """
+        said = (tokens == self.vocabulary.next).sum(dim=1)
+        beginning = (
+            tokens[:, -1] == self.vocabulary.next if tokens.shape[1] else torch.ones(len(logits), dtype=torch.bool)
+        )
+        directions = list(self.vocabulary.directions)
+        opening = torch.zeros(len(self.vocabulary), dtype=torch.bool)
+        opening[directions] = True
+        allowed = torch.where(beginning[:, None], opening, ~self._never)
+        allowed[:, self.vocabulary.next] &= (said < MAX_SENTENCES - 1) & (mode == "plan")
+        if mode == "subgoal" and not tokens.shape[1]:
+            sure = logits[:, directions].softmax(dim=1)[:, _STOP] >= self.stop_gate
+            allowed[:, directions] &= sure[:, None] == (torch.arange(len(directions)) == _STOP)
         return allowed
 
     def _draw(self, logits: Tensor, temperatures: Tensor) -> Tensor:
@@ -179,7 +192,9 @@ def save(path: Path, vocabulary: Vocabulary, network: SubgoalNetwork, stop_gate:
         "stop_gate": stop_gate,
         **facts,
     }
-    return save_weights(path, KIND, config, {name: value.float().numpy() for name, value in network.state_dict().items()})
+    return save_weights(
+        path, KIND, config, {name: value.float().numpy() for name, value in network.state_dict().items()}
+    )
 
 
 def _network_config(weights: Weights) -> NetworkConfig:

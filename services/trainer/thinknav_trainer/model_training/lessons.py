@@ -4,6 +4,7 @@ A stream of lessons is made of visits to homes, each drawn from its number alone
 again anywhere. Several processes may draw at once (`torch.utils.data.DataLoader`).
 """
 
+import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -12,18 +13,17 @@ import numpy as np
 from numpy.typing import NDArray
 from torch.utils.data import IterableDataset, get_worker_info
 
+from thinknav_models.subgoal_vlm import MAX_SENTENCES
 from thinknav_sim.homes import generate_home, home_seed
 from thinknav_sim.render import Camera, make_renderer
 from thinknav_sim.scene import GOAL_CATEGORIES, Scene
 from thinknav_sim.task_config import Action, ObjectNavConfig
 from thinknav_trainer.model_training.routes import Looks, draw_looks
-from thinknav_trainer.model_training.sentences import PLAN_SENTENCES, Passage, subgoal_sentence
+from thinknav_trainer.model_training.sentences import Passage, subgoal_sentence
 from thinknav_trainer.model_training.surroundings import surroundings
 from thinknav_trainer.model_training.teacher import NO_WAY, HomeTeacher
 from thinknav_trainer.model_training.visible import SeenObject, objects_in_view
 
-# An object of fewer pixels than this share of the picture is not in view.
-IN_VIEW_SHARE = 0.003
 _SPACING_M, _POINTS = 0.25, 20  # of the way ahead, to find where it leaves the room
 _PLANS = 8  # of a visit
 GOALS_ASKED = 3  # of each look
@@ -33,7 +33,8 @@ GOALS_ASKED = 3  # of each look
 class Lesson:
     """One visit to a home: V pictures, Q looks at them, and for each look G goals.
 
-    pictures: (V, S, S, 3) uint8. shares: (V, 8, 8, 6) and farness: (V, 8, 8) float32, see `surroundings`. views: (Q, 1 + K) and headings (Q, K), as `Looks` has them.
+    pictures: (V, S, S, 3) uint8. shares: (V, 8, 8, 6) and farness: (V, 8, 8) float32, see `surroundings`.
+    views: (Q, 1 + K) and headings (Q, K), as `Looks` has them.
     goals: (Q, G) int64, first the one that is looked for, then others of the home.
     actions: (Q, G) int8, NO_WAY without one. bearings, distances: (Q, G) float32, of the way. in_view: (Q, G) bool.
     sentences: Q lists of G, "" without a way. plans: (look, goal, sentences) of some.
@@ -94,10 +95,7 @@ def give_lesson(teacher: HomeTeacher, rng: np.random.Generator, looks: Looks) ->
     camera = Camera(task.width, task.height, task.hfov, task.camera_height)
     pictures, depth = teacher.renderer.render(np.full(len(looks.poses), teacher.scene_id), looks.poses, camera)
     present = looks.poses[looks.views[:, 0]]
-    seen = [
-        tuple(item for item in items if item.share >= IN_VIEW_SHARE)
-        for items in objects_in_view(teacher.scene, present, depth[looks.views[:, 0], :, :, 0], camera)
-    ]
+    seen = objects_in_view(teacher.scene, present, depth[looks.views[:, 0], :, :, 0], camera)
     goals = _with_others(teacher, rng, looks.goals)
     ways = teacher.ways(present, goals)
     shares, farness = surroundings(teacher.scene, looks.poses, depth[..., 0], camera)
@@ -125,9 +123,7 @@ def give_lesson(teacher: HomeTeacher, rng: np.random.Generator, looks: Looks) ->
     )
 
 
-def _with_others(
-    teacher: HomeTeacher, rng: np.random.Generator, goals: NDArray[np.int64]
-) -> NDArray[np.int64]:
+def _with_others(teacher: HomeTeacher, rng: np.random.Generator, goals: NDArray[np.int64]) -> NDArray[np.int64]:
     """(Q, GOALS_ASKED): each look's own goal (Q,), then others that can be reached, without repetition if it can be."""
     rows = []
     for goal in goals.tolist():
@@ -177,20 +173,18 @@ def _passage(teacher: HomeTeacher, pose: NDArray[np.float64], goal: int) -> Pass
 def _plans(
     teacher: HomeTeacher, rng: np.random.Generator, present: NDArray[np.float64], goals: NDArray[np.int64]
 ) -> list[tuple[int, int, list[str]]]:
-    """Whole ways from some looks: what to do at each turning, at most PLAN_SENTENCES of it."""
+    """Whole ways from some looks: what to do at each turning, at most MAX_SENTENCES of it."""
     chosen = rng.choice(len(present), min(_PLANS, len(present)), replace=False).tolist()
     return [(look, int(goals[look]), plan_sentences(teacher, rng, present[look], int(goals[look]))) for look in chosen]
 
 
-def plan_sentences(
-    teacher: HomeTeacher, rng: np.random.Generator, pose: NDArray[np.float64], goal: int
-) -> list[str]:
+def plan_sentences(teacher: HomeTeacher, rng: np.random.Generator, pose: NDArray[np.float64], goal: int) -> list[str]:
     """The way to a goal in a few sentences; the last one stops there, unless the way is too long for it."""
     points = teacher.points_ahead(pose, goal, 60, 2 * _SPACING_M)
     corners = [pose[[0, 2]], *points]
     sentences: list[str] = []
     heading, name = float(pose[3]), GOAL_CATEGORIES[goal]
-    for (ax, az), (bx, bz) in zip(corners, corners[1:], strict=False):
+    for (ax, az), (bx, bz) in itertools.pairwise(corners):
         if math.hypot(bx - ax, bz - az) < 1e-6:
             break
         toward = math.atan2(-(bx - ax), -(bz - az))
@@ -204,5 +198,5 @@ def plan_sentences(
         new_leg = not sentences or action != Action.MOVE_FORWARD or passage is not None
         if new_leg or sentences[-1].startswith("turn"):
             sentences.append(subgoal_sentence(rng, name, action, (), here, passage))
-    sentences = sentences[: PLAN_SENTENCES - 1]
+    sentences = sentences[: MAX_SENTENCES - 1]
     return [*sentences, subgoal_sentence(rng, name, Action.STOP, (), "room", None)]

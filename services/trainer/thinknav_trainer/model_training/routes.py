@@ -10,12 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thinknav_models.subgoal_vlm import MAX_RECENT
 from thinknav_sim.navigation.kinematics import walk
 from thinknav_sim.task_config import Action
 from thinknav_trainer.model_training.teacher import HomeTeacher
 from thinknav_trainer.views import RecentViews
-
-EARLIER_VIEWS = 4  # at most
 
 _ROUTE_STEPS = 40
 _LOOKS_OF_A_ROUTE = 10
@@ -27,8 +26,9 @@ _NEAR_M = 2.0
 class Looks:
     """Q looks over V views.
 
-    poses: (V, 4). goals: (Q,) int64, what one looks for, an index into GOAL_CATEGORIES. views: (Q, 1 + EARLIER_VIEWS) int64 into the poses, the present view first, -1 for none.
-    headings: (Q, EARLIER_VIEWS) float32, of earlier views relative to the present one.
+    poses: (V, 4). goals: (Q,) int64, what one looks for, an index into GOAL_CATEGORIES.
+    views: (Q, 1 + MAX_RECENT) int64 into the poses, the present view first, -1 for none.
+    headings: (Q, MAX_RECENT) float32, of earlier views relative to the present one.
     """
 
     poses: NDArray[np.float64]
@@ -54,7 +54,7 @@ class LookList:
     def add_look(self, goal: int, present: int, earlier: list[tuple[int, float]]) -> None:
         """A look for a goal, with its earlier views and their relative headings."""
         self._goals.append(goal)
-        missing = EARLIER_VIEWS - len(earlier)
+        missing = MAX_RECENT - len(earlier)
         self._views.append([present, *(view for view, _ in earlier), *[-1] * missing])
         self._headings.append([*(heading for _, heading in earlier), *[0.0] * missing])
 
@@ -99,8 +99,7 @@ def _near(teacher: HomeTeacher, rng: np.random.Generator, goal: int) -> NDArray[
 
 def look_around(rng: np.random.Generator, pose: NDArray[np.float64], goal: int, looks: LookList) -> None:
     """A look ahead with views to both sides, and one to a side with that ahead."""
-    left, right = pose + [0, 0, 0, _SIDE_RAD], pose - [0, 0, 0, _SIDE_RAD]
-    ahead, on_left, on_right = (looks.add_pose(each) for each in (pose, left, right))
+    ahead, on_left, on_right = (looks.add_pose(_turned(pose, angle)) for angle in (0.0, _SIDE_RAD, -_SIDE_RAD))
     looks.add_look(goal, ahead, [(on_left, _SIDE_RAD), (on_right, -_SIDE_RAD)])
     if rng.random() < 0.5:
         looks.add_look(goal, on_left, [(ahead, -_SIDE_RAD)])
@@ -108,14 +107,19 @@ def look_around(rng: np.random.Generator, pose: NDArray[np.float64], goal: int, 
         looks.add_look(goal, on_right, [(ahead, _SIDE_RAD)])
 
 
+def _turned(pose: NDArray[np.float64], angle: float) -> NDArray[np.float64]:
+    turned: NDArray[np.float64] = pose + np.array([0.0, 0.0, 0.0, angle])
+    return turned
+
+
 def _turn_on_the_spot(rng: np.random.Generator, pose: NDArray[np.float64], goal: int, looks: LookList) -> None:
-    recent: RecentViews[int] = RecentViews(EARLIER_VIEWS)
+    recent: RecentViews[int] = RecentViews(MAX_RECENT)
     step = math.radians(10) * rng.choice([-5, -4, -3, -2, 2, 3, 4, 5])
     for _ in range(3):
         view = looks.add_pose(pose)
         looks.add_look(goal, view, recent.before(pose))
         recent.see(pose, view)
-        pose = pose + [0, 0, 0, step]
+        pose = _turned(pose, step)
 
 
 def _follow_route(teacher: HomeTeacher, rng: np.random.Generator, looks: LookList) -> None:
@@ -123,7 +127,7 @@ def _follow_route(teacher: HomeTeacher, rng: np.random.Generator, looks: LookLis
     goal = int(rng.choice(teacher.reachable))
     noise = float(rng.choice([0.0, 0.15, 0.35, 0.6]))
     pose = draw_poses(teacher, rng, 1)[0]
-    recent: RecentViews[int] = RecentViews(EARLIER_VIEWS)
+    recent: RecentViews[int] = RecentViews(MAX_RECENT)
     asked = set(rng.choice(_ROUTE_STEPS, _LOOKS_OF_A_ROUTE, replace=False).tolist())
     whim, whims = Action.MOVE_FORWARD, 0
     for step in range(_ROUTE_STEPS):
@@ -145,8 +149,8 @@ def _follow_route(teacher: HomeTeacher, rng: np.random.Generator, looks: LookLis
 
 def _moved(teacher: HomeTeacher, pose: NDArray[np.float64], action: Action) -> NDArray[np.float64]:
     x, y, z, heading = pose
-    if action == Action.MOVE_FORWARD:
-        x, z, _ = walk(teacher.table, 0, x, z, heading, teacher.task.forward_step, False)
-    else:
-        heading += math.radians(teacher.task.turn_angle) * (1 if action == Action.TURN_LEFT else -1)
+    if action != Action.MOVE_FORWARD:
+        turn = math.radians(teacher.task.turn_angle)
+        return _turned(pose, turn if action == Action.TURN_LEFT else -turn)
+    x, z, _ = walk(teacher.table, 0, x, z, heading, teacher.task.forward_step, False)
     return np.array([x, y, z, heading])

@@ -15,13 +15,16 @@ from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
 from thinknav_trainer.model_training.visible import SeenObject
 
-PLAN_SENTENCES = 5
-
 # By Action.
 _DIRECTION_WORDS = dict(
     zip((Action.STOP, Action.MOVE_FORWARD, Action.TURN_LEFT, Action.TURN_RIGHT), DIRECTIONS, strict=True)
 )
-_FOUND = (", the {goal} is right ahead", ", the {goal} is in front of you", " at the {goal}", " here, you reached the {goal}")
+_FOUND = (
+    ", the {goal} is right ahead",
+    ", the {goal} is in front of you",
+    " at the {goal}",
+    " here, you reached the {goal}",
+)
 _TO_GOAL = (" to the {goal}", " toward the {goal}", " until you reach the {goal}")
 _TURN_TO_GOAL = (" to the {goal}", " toward the {goal}", " to face the {goal}")
 _TURN_TO_DOORWAY = (" toward the doorway", " to the doorway", " to leave the {here}", " toward the {there}")

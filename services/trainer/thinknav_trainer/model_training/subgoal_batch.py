@@ -5,15 +5,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
-from thinknav_models.subgoal_language import DIRECTIONS, Vocabulary
+from thinknav_models.subgoal_language import Vocabulary
 from thinknav_models.subgoal_network import MODES
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
 from thinknav_trainer.model_training.lessons import Lesson
 from thinknav_trainer.model_training.sentences import words_for
-from thinknav_trainer.model_training.teacher import NO_WAY
 
 _MIRRORED = {Action.TURN_LEFT: Action.TURN_RIGHT, Action.TURN_RIGHT: Action.TURN_LEFT}
 
@@ -39,7 +39,8 @@ class Batch:
     """Pictures (V, S, S, 3) uint8, questions about them, and what else the teacher knows.
 
     shares: (V, 6, 8, 8) and farness: (V, 8, 8), of the pictures. The rest, of `subgoals` (B,):
-    directions: index into DIRECTIONS, -1 where there is no way. bearings, distances: float32. in_view: bool.
+    directions: int64, the Action, which is also the index into DIRECTIONS; NO_WAY where there is none.
+    bearings, distances: float32. in_view: bool.
     """
 
     pictures: Tensor
@@ -88,7 +89,7 @@ class Collator:
             farness=torch.from_numpy(np.concatenate([lesson.farness for lesson in lessons])),
             subgoals=subgoals,
             plans=planned,
-            directions=torch.from_numpy(_directions(actions)).flatten(),
+            directions=torch.from_numpy(actions.astype(np.int64)).flatten(),
             bearings=torch.from_numpy(np.concatenate([lesson.bearings for lesson in lessons])).flatten(),
             distances=torch.from_numpy(np.concatenate([lesson.distances for lesson in lessons])).flatten(),
             in_view=torch.from_numpy(np.concatenate([lesson.in_view for lesson in lessons])).flatten(),
@@ -96,9 +97,9 @@ class Collator:
 
     def questions(
         self,
-        views: np.ndarray,  # type: ignore[type-arg]
-        headings: np.ndarray,  # type: ignore[type-arg]
-        goals: np.ndarray,  # type: ignore[type-arg]
+        views: NDArray[np.int64],
+        headings: NDArray[np.float32],
+        goals: NDArray[np.int64],
         answers: Sequence[Sequence[str]],
         mode: str,
     ) -> Questions:
@@ -144,7 +145,7 @@ def mirrored(lesson: Lesson) -> Lesson:
     )
 
 
-def without_earlier_views(lesson: Lesson, chosen: np.ndarray) -> Lesson:  # type: ignore[type-arg]
+def without_earlier_views(lesson: Lesson, chosen: NDArray[np.bool_]) -> Lesson:
     """The lesson with only the present view in some of the looks: chosen (Q,) bool."""
     views = lesson.views.copy()
     views[chosen, 1:] = -1
@@ -157,11 +158,5 @@ def _mirrored_text(text: str) -> str:
     return text.replace("turn right", "turn left")
 
 
-def _shifted(views: np.ndarray, offset: int) -> np.ndarray:  # type: ignore[type-arg]
+def _shifted(views: NDArray[np.int64], offset: int) -> NDArray[np.int64]:
     return np.where(views >= 0, views + offset, -1)
-
-
-def _directions(actions: np.ndarray) -> np.ndarray:  # type: ignore[type-arg]
-    """Actions to indices into DIRECTIONS, whose order is that of the actions from STOP on."""
-    assert len(DIRECTIONS) == Action.THINK and NO_WAY == -1
-    return actions.astype(np.int64)

@@ -1,6 +1,6 @@
 """How well the subgoal VLM knows the way, in homes that it has not seen, beside four controls.
 
-Controls: what is asked most often; a blank frame; another home's frame; another goal. An accuracy that a control reaches
+Controls: the commonest answer; a blank frame; another home's frame; another goal. An accuracy that a control reaches
 too was not won by looking.
 """
 
@@ -18,7 +18,7 @@ from thinknav_sim.scene import GOAL_CATEGORIES, Scene
 from thinknav_sim.task_config import Action
 from thinknav_trainer.model_training.lessons import Lesson, LessonStream
 from thinknav_trainer.model_training.subgoal_batch import Collator, without_earlier_views
-from thinknav_trainer.model_training.subgoal_training import answer_hidden
+from thinknav_trainer.model_training.subgoal_losses import answer_hidden
 
 Control = Literal["none", "blank frame", "another frame", "another goal"]
 CONTROLS: tuple[Control, ...] = ("none", "blank frame", "another frame", "another goal")
@@ -38,7 +38,7 @@ def validation_home(index: int) -> Scene:
 
 @dataclass(frozen=True)
 class Marks:
-    """B questions with an answer. chances: (B, 4) float32, of each of DIRECTIONS. right: (B,) int64. in_view: (B,) bool."""
+    """B answered questions. chances: (B, 4) float32, of each of DIRECTIONS. right: (B,) int64. in_view: (B,) bool."""
 
     chances: NDArray[np.float32]
     right: NDArray[np.int64]

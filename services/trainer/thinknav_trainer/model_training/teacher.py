@@ -89,9 +89,7 @@ class HomeTeacher:
 
     def _nearest_bearing(self, pose: NDArray[np.float64], goal: Goal) -> float | None:
         """Of what shows of the goal to one who stands in its zone, the bearing nearest to straight ahead."""
-        seen = goal_bearings(
-            self.scene, self.grid, self.renderer, self.scene_id, goal, pose, self.task.camera_height
-        )
+        seen = goal_bearings(self.scene, self.grid, self.renderer, self.scene_id, goal, pose, self.task.camera_height)
         return float(seen[np.abs(seen).argmin()]) if seen.size else None
 
     def points_ahead(self, pose: NDArray[np.float64], goal: int, count: int, spacing: float) -> NDArray[np.float64]:
@@ -108,8 +106,8 @@ class HomeTeacher:
 
 @njit(cache=True)
 def _turns(grids, fields, poses, goals, length, turn):  # type: ignore[no-untyped-def]
-    """For N poses and goals (N, G), all (N, G): turns to the best heading; the gain of walking as one stands over that of
-    walking there, both at most 1; the distance."""
+    """For N poses and goals (N, G), all (N, G): turns to the best heading; what walking as one stands gains, over what
+    walking there does; the distance."""
     turns = np.zeros(goals.shape, np.int64)
     gains, distances = np.zeros(turns.shape), np.full(turns.shape, np.inf)
     origin, cell = grids.origin[0], grids.cell[0]
