@@ -206,7 +206,7 @@ def _pixels(frame: NDArray[np.uint8]) -> Tensor:
     """A frame (H, W, 3) uint8 of any size as the network takes it, (128, 128, 3) float32 or uint8."""
     if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8 or not frame.size:
         raise ValueError(f"a frame must be (H, W, 3) uint8, not {frame.shape} {frame.dtype}")
-    pixels = torch.from_numpy(np.ascontiguousarray(frame))
+    pixels = torch.from_numpy(np.array(frame))  # a copy: what a decoder gives may not be writable
     if frame.shape[:2] == (IMAGE_SIZE, IMAGE_SIZE):
         return pixels.float()
     sized = functional.interpolate(pixels.permute(2, 0, 1)[None].float(), (IMAGE_SIZE, IMAGE_SIZE), mode="area")
