@@ -150,12 +150,13 @@ class Balancer:
         return bool(self._info) or failed or self._closed
 
     def _choose(self, tried: set[str]) -> Member | None:
-        """The replica with fewest questions outstanding, of those that serve and were not tried."""
+        """The replica with fewest questions, of those that serve and were not tried; it then has one more."""
         with self._changed:
             serving = [m for m in self._members.values() if m.state is State.SERVING and m.name not in tried]
             if not serving:
                 return None
-            chosen = min(serving, key=lambda member: (len(member.outstanding), member.used))
+            chosen = min(serving, key=lambda member: (member.questions, member.used))
+            chosen.questions += 1
             self._questions += 1
             chosen.used = self._questions
             return chosen
@@ -200,6 +201,7 @@ class Balancer:
             raise DeadlineExceeded(f"{member.name} did not answer within {patience:g} s") from None
         finally:
             with self._changed:
+                member.questions -= 1
                 del member.outstanding[answer]
 
     def _put_out(self, member: Member, error: PlannerError) -> None:

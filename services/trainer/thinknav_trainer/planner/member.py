@@ -35,7 +35,8 @@ class Member:
     def __init__(self, link: Link) -> None:
         self.link = link
         self.state = State.UNKNOWN
-        self.outstanding: dict[Future[bytes], float] = {}  # what it is asked, and since when
+        self.questions = 0  # that it was chosen for, and has not answered
+        self.outstanding: dict[Future[bytes], float] = {}  # those that are on their way, and since when
         self.used = 0  # when it was asked last, as a count of all questions
         self.failures = 0
         self.error: PlannerError | None = None  # why it is out
