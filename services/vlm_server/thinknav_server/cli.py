@@ -67,6 +67,14 @@ def serve(
     insecure: Annotated[
         bool, typer.Option("--insecure", help="Let everybody ask, even from beyond this machine.")
     ] = False,
+    zenoh: Annotated[str | None, typer.Option(help="HOST:PORT to answer on over zenoh, too.")] = None,
+    zenoh_connect: Annotated[
+        str, typer.Option(help="HOST:PORT of zenoh routers and replicas to join, separated by commas.")
+    ] = "",
+    replica: Annotated[str, typer.Option(help="Name among the replicas; by default one of its own.")] = "",
+    tls_ca: Annotated[
+        Path | None, typer.Option(help="PEM file of who signed the certificates of those it joins.")
+    ] = None,
     # limits
     max_body_bytes: Annotated[int, typer.Option(min=1, help="Of one body.")] = DEFAULT_LIMITS.max_body_bytes,
     max_held_bytes: Annotated[int, typer.Option(min=1, help="Of all bodies at one moment.")] = _DOORS.max_held_bytes,
@@ -115,6 +123,10 @@ def serve(
             tls_cert=tls_cert,
             tls_key=tls_key,
             insecure=insecure,
+            zenoh=zenoh,
+            zenoh_connect=zenoh_connect,
+            replica=replica,
+            tls_ca=tls_ca,
             max_held_bytes=max_held_bytes,
             body_timeout=body_timeout,
         )

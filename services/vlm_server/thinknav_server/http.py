@@ -23,7 +23,6 @@ from thinknav_proto import (
     InvalidRequest,
     PlannerError,
     PlannerFailed,
-    Unavailable,
     decode_embed_request,
     decode_requests,
     describe,
@@ -116,7 +115,7 @@ async def embeddings(request: Request, service: Service) -> Response:
 @routes.get("/v1/planner")
 async def planner(request: Request, service: Service) -> Response:
     """Who answers, and what it accepts."""
-    return render_info(request, service.info)
+    return render_info(request, service.introduce())
 
 
 @routes.get("/healthz")
@@ -128,8 +127,7 @@ async def healthz() -> Response:
 @routes.get("/readyz")
 async def readyz(service: Service) -> Response:
     """200 while requests are answered."""
-    if not service.ready:
-        raise Unavailable("the service is starting or stopping")
+    service.introduce()
     return JSONResponse({"status": "ready"})
 
 

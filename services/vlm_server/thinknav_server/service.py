@@ -23,6 +23,7 @@ from thinknav_proto import (
     SubgoalReply,
     SubgoalRequest,
     Timings,
+    Unavailable,
 )
 from thinknav_server.batcher import Batcher
 from thinknav_server.images import decode_frame
@@ -75,6 +76,12 @@ class PlanningService:
 
     async def __aexit__(self, *error: object) -> None:
         await self._batcher.__aexit__(*error)
+
+    def introduce(self) -> PlannerInfo:
+        """Who answers, told while requests are answered. Raises Unavailable at other times."""
+        if not self.ready:
+            raise Unavailable("the service is starting or stopping")
+        return self.info
 
     @property
     def ready(self) -> bool:

@@ -43,6 +43,9 @@ class DoorSettings(BaseModel):
     token_file, tokens: the clients that may ask, `name:token` a line, or separated by commas; none: everybody.
     tls_cert, tls_key: PEM files; with them the doors speak TLS.
     insecure: whether everybody may ask where others than this machine can.
+    zenoh: HOST:PORT of the zenoh door; none, no such door. zenoh_connect: HOST:PORT of routers and other replicas that
+        it joins, separated by commas. replica: its name among them; empty: one of its own.
+    tls_ca: PEM file of whoever has signed the certificates of those that it joins.
     max_held_bytes: of all bodies that the service holds at one moment. body_timeout: seconds for a body to arrive.
     """
 
@@ -55,6 +58,10 @@ class DoorSettings(BaseModel):
     tls_cert: Path | None = None
     tls_key: Path | None = None
     insecure: bool = False
+    zenoh: str | None = None
+    zenoh_connect: str = ""
+    replica: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{0,64}$")] = ""
+    tls_ca: Path | None = None
     max_held_bytes: Annotated[int, Field(ge=1)] = 1024 * 1024 * 1024
     body_timeout: Annotated[float, Field(gt=0)] = 30.0
 
