@@ -28,6 +28,7 @@ from thinknav_proto import (
     encode_embed_request,
     encode_requests,
 )
+from thinknav_server.hosts import PlannerThread
 from thinknav_server.http import create_app
 from thinknav_server.planners import Script, ScriptedPlanner
 from thinknav_server.service import PlanningService
@@ -45,7 +46,7 @@ class Client:
 
     def __init__(self, failure_rate: float = 0.0) -> None:
         planner = ScriptedPlanner(SCRIPT, failure_rate=failure_rate)
-        self._app = create_app(PlanningService(planner, HashedWords(), Settings(limits=LIMITS)))
+        self._app = create_app(PlanningService(PlannerThread(planner, HashedWords()), Settings(limits=LIMITS)))
         self._runner = asyncio.Runner()
         self._lifespan = self._app.router.lifespan_context(self._app)
         transport = httpx.ASGITransport(self._app, raise_app_exceptions=False)

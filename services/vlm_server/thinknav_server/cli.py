@@ -1,8 +1,7 @@
 """The command `thinknav-server`."""
 
-import logging
 import signal
-from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -10,10 +9,13 @@ from typing import Annotated
 import typer
 from pydantic import ValidationError
 
-from thinknav_models import HashedWords
 from thinknav_proto import describe
+from thinknav_server.cli_sections import planner_options, process_settings, takes
+from thinknav_server.hosts import Host, PlannerProcess, PlannerThread
+from thinknav_server.hosts.process import ProcessSettings
 from thinknav_server.http import create_app
-from thinknav_server.planners import Planner, Script, ScriptedPlanner, load_script
+from thinknav_server.logs import configure_logs
+from thinknav_server.planners.options import PlannerOptions, load_thinker
 from thinknav_server.server import bind, run, stop_at_end_of_input
 from thinknav_server.service import PlanningService
 from thinknav_server.settings import Settings
@@ -26,43 +28,27 @@ app = typer.Typer(
 )
 
 
-class PlannerName(StrEnum):
-    """The planners that can be served."""
-
-    SCRIPTED = "scripted"
-
-
-class LogLevel(StrEnum):
-    """How much the log tells."""
-
-    DEBUG = "debug"
-    INFO = "info"
-    WARNING = "warning"
-    ERROR = "error"
-
-
 @app.callback()
 def about() -> None:
     """The planning service of ThinkNav: frames and goals in, subgoals and their embeddings out."""
 
 
 @app.command()
+@takes(planner=planner_options, process=process_settings)
 def serve(
+    planner: PlannerOptions,
+    process: ProcessSettings,
     host: Annotated[
         str, typer.Option(help="Address to listen on; others than loopback reach the network.")
     ] = "127.0.0.1",
     port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 picks a free one.")] = 8765,
-    planner: Annotated[PlannerName, typer.Option(help="Who plans.")] = PlannerName.SCRIPTED,
-    script: Annotated[Path | None, typer.Option(help="scripted: YAML or JSON file with the sentences.")] = None,
-    latency: Annotated[float, typer.Option(min=0, help="scripted: seconds that each batch takes.")] = 0.0,
-    failure_rate: Annotated[float, typer.Option(min=0, max=1, help="scripted: share of requests that fail.")] = 0.0,
-    seed: Annotated[int, typer.Option(help="scripted: of the failures.")] = 0,
     max_batch: Annotated[int, typer.Option(min=1, help="Requests that the planner sees at once.")] = 32,
     max_wait: Annotated[float, typer.Option(min=0, help="Seconds that a request waits for others.")] = 0.0,
     queue_size: Annotated[int, typer.Option(min=1, help="Requests that wait at most; more are refused.")] = 256,
+    cache_size: Annotated[int, typer.Option(min=0, help="Answers that are remembered.")] = 10_000,
+    grace: Annotated[float, typer.Option(min=0, help="Seconds to finish requests when told to stop.")] = 8.0,
     announce: Annotated[Path | None, typer.Option(help="File to write the URL to, once it is served.")] = None,
     until_eof: Annotated[bool, typer.Option("--until-eof", help="Stop when standard input ends.")] = False,
-    log_level: Annotated[LogLevel, typer.Option(help="How much the log tells.")] = LogLevel.INFO,
 ) -> None:
     """Serve subgoals until stopped by Ctrl+C or SIGTERM.
 
@@ -72,16 +58,17 @@ def serve(
         signal.signal(signal_number, _leave)
     if until_eof:
         stop_at_end_of_input()
-    logging.basicConfig(level=log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    configure_logs(process.log_level, process.log_format)
     try:
-        settings = Settings(max_batch=max_batch, max_wait=max_wait, queue_size=queue_size)
-        service = PlanningService(_planner(planner, script, latency, failure_rate, seed), HashedWords(), settings)
+        settings = Settings(max_batch=max_batch, max_wait=max_wait, queue_size=queue_size, cache_size=cache_size)
         listener = bind(host, port)
+        service = PlanningService(_host(planner, process), settings)
     except ValidationError as error:
         raise _refused(describe(error)) from None
     except (ValueError, OSError) as error:
         raise _refused(str(error)) from None
-    run(create_app(service), listener, announce, f"planner {service.info.identity}")
+    what = f"planner {service.info.identity}"
+    run(create_app(service), listener, announce, what, partial(service.drain, grace))
 
 
 def main() -> None:
@@ -89,11 +76,12 @@ def main() -> None:
     app()
 
 
-def _planner(name: PlannerName, script: Path | None, latency: float, failure_rate: float, seed: int) -> Planner:
-    """Raises ValueError for a script that cannot be used."""
-    match name:
-        case PlannerName.SCRIPTED:
-            return ScriptedPlanner(load_script(script) if script else Script(), latency, failure_rate, seed)
+def _host(planner: PlannerOptions, process: ProcessSettings) -> Host:
+    """The planner, loaded. Raises ValueError saying why it cannot be."""
+    if planner.cheap:
+        thinker = load_thinker(planner)
+        return PlannerThread(thinker.planner, thinker.text_encoder)
+    return PlannerProcess(planner, process)
 
 
 def _refused(message: str) -> typer.Exit:
