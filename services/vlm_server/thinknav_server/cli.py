@@ -9,7 +9,8 @@ from typing import Annotated
 import typer
 from pydantic import ValidationError
 
-from thinknav_proto import describe
+from thinknav_proto import PlannerError, describe
+from thinknav_server.check import check_planner
 from thinknav_server.cli_sections import planner_options, process_settings, takes
 from thinknav_server.hosts import Host, PlannerProcess, PlannerThread
 from thinknav_server.hosts.process import ProcessSettings
@@ -69,6 +70,25 @@ def serve(
         raise _refused(str(error)) from None
     what = f"planner {service.info.identity}"
     run(create_app(service), listener, announce, what, partial(service.drain, grace))
+
+
+@app.command()
+@takes(planner=planner_options, process=process_settings)
+def check(
+    planner: PlannerOptions,
+    process: ProcessSettings,
+    goal: Annotated[str, typer.Option(help="What to ask the way to.")] = "chair",
+    image: Annotated[Path | None, typer.Option(help="JPEG or PNG file to show; a painted one without.")] = None,
+) -> None:
+    """Load the planner, ask it about one frame twice, and print the time of each stage."""
+    configure_logs(process.log_level, process.log_format)
+    try:
+        for stage in check_planner(partial(_host, planner, process), goal, image):
+            typer.echo(f"{stage.name:20} {1000 * stage.seconds:10.2f} ms  {stage.result}".rstrip())
+    except ValidationError as error:
+        raise _refused(describe(error)) from None
+    except (ValueError, OSError, PlannerError) as error:
+        raise _refused(str(error)) from None
 
 
 def main() -> None:
