@@ -161,7 +161,7 @@ def test_one_is_killed_while_it_is_asked(replicas: tuple[Replica, Replica, Askin
 
 
 def test_one_is_frozen_while_it_is_asked(replicas: tuple[Replica, Replica, Asking]) -> None:
-    one, two, asking = replicas
+    _, two, asking = replicas
     asked = asking.begin(16)
     time.sleep(0.2)
     two.process.send_signal(signal.SIGSTOP)

@@ -9,6 +9,7 @@ from pydantic import ValidationError
 
 from thinknav_models import HashedWords
 from thinknav_server.doors import open_doors
+from thinknav_server.hosts import PlannerThread
 from thinknav_server.planners import ScriptedPlanner
 from thinknav_server.service import PlanningService
 from thinknav_server.settings import DoorSettings, Settings
@@ -25,7 +26,7 @@ def _in_a_folder_of_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def attempt(**settings: object) -> None:
-    service = PlanningService(ScriptedPlanner(), HashedWords(), Settings())
+    service = PlanningService(PlannerThread(ScriptedPlanner(), HashedWords()), Settings())
     open_doors(service, DoorSettings.model_validate({"port": 0, **settings})).listener.close()
 
 

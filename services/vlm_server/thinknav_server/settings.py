@@ -23,9 +23,10 @@ class Settings(BaseModel):
 
     max_batch: requests that the planner sees at once.
     max_wait: seconds that a request may wait for others to fill its batch. 0 adds nothing to a lone request;
-    batches
-        still form from what arrives while the planner is busy.
-    queue_size: requests that wait at most; more are refused at once.
+        batches still form from what arrives while the planner is busy.
+    queue_size: requests that wait at most; more are refused at once. A request that is admitted waits for at most
+        queue_size / max_batch + 1 batches.
+    cache_size: answers that are remembered, for requests of temperature 0; 0 remembers none.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -33,6 +34,7 @@ class Settings(BaseModel):
     max_batch: Annotated[int, Field(ge=1)] = 32
     max_wait: Annotated[float, Field(ge=0, le=10)] = 0.0
     queue_size: Annotated[int, Field(ge=1)] = 256
+    cache_size: Annotated[int, Field(ge=0)] = 10_000
     limits: Limits = DEFAULT_LIMITS
 
 
