@@ -18,7 +18,7 @@ from thinknav_trainer.thinking import Thought
 
 # Who came no farther than this by a step forward stands before something. Contact leaves up to 1 cm to walk.
 BLOCKED_M = 0.05
-# Turns away from what blocks, before the planner is asked again: what it says 30 degrees on is nearly independent.
+# Turns away from what blocks: what a planner says 30 degrees on is nearly independent.
 TURNS_AWAY = 3
 
 
@@ -45,11 +45,13 @@ class Obedience:
 class _State:
     """One env's episode so far.
 
+    side: the way to turn from what blocks. look: the way to turn for the next look at what may be the goal.
     plan: actions to take before the next thought. stops: replies in a row that said stop, and were believed.
-    side: the way to turn from what blocks. place: gps (2,) before the last step forward, none after anything else.
+    place: gps (2,) before the last step forward, none after anything else.
     """
 
     side: Action
+    look: Action = Action.TURN_LEFT
     plan: deque[Action] = field(default_factory=deque)
     stops: int = 0
     place: NDArray[np.float32] | None = None
@@ -58,8 +60,8 @@ class _State:
 class ObedientAgent:
     """Thinks and obeys, in N envs.
 
-    A subgoal without a direction, a failed think and a `stop` that is not believed all lead forward. Bumping into
-    something turns it away, to a side that is drawn anew once it has come free.
+    A subgoal without a direction, a failed think and a `stop` that is not believed all lead forward. From what it bumps
+    into it turns away and takes a step, before it thinks again; the side is drawn anew once a step was free.
     """
 
     def __init__(self, num_envs: int, obedience: Obedience = Obedience(), seed: int = 0) -> None:
@@ -80,12 +82,14 @@ class ObedientAgent:
     def _obey(self, state: _State, thought: Thought) -> None:
         direction = None if thought.subgoal is None else subgoal_direction(thought.subgoal)
         sure = thought.confidence is None or thought.confidence >= self._obedience.stop_gate
-        state.stops = state.stops + 1 if direction == Action.STOP and sure else 0
-        if state.stops:
-            done = state.stops >= self._obedience.looks
-            # A second look is of use only from elsewhere: on the same frame, errors would repeat.
-            state.plan.append(Action.STOP if done else _opposite_in_turn(state.stops))
-        elif direction in (Action.TURN_LEFT, Action.TURN_RIGHT):
+        if direction == Action.STOP and sure:
+            state.stops += 1
+            state.plan.append(self._look_again(state) if state.stops < self._obedience.looks else Action.STOP)
+            return
+        if state.stops:  # what was seen is out of view now: next time, look from the other side
+            state.stops = 0
+            state.look = opposite(state.look)
+        if direction in (Action.TURN_LEFT, Action.TURN_RIGHT):
             state.plan.extend([direction] * self._obedience.turns)
         else:
             state.plan.extend([Action.MOVE_FORWARD] * self._obedience.forwards)
@@ -93,17 +97,23 @@ class ObedientAgent:
     def _next(self, state: _State, gps: NDArray[np.float32]) -> Action:
         if state.place is not None:
             if float(np.linalg.norm(gps - state.place)) < BLOCKED_M:
-                state.plan = deque([state.side] * TURNS_AWAY)
+                # And a step aside: who only turned would be sent back to the same place by the same frames.
+                state.plan = deque([*[state.side] * TURNS_AWAY, Action.MOVE_FORWARD])
             else:
                 state.side = self._draw_side()
         action = state.plan.popleft() if state.plan else Action.THINK
         state.place = gps.copy() if action == Action.MOVE_FORWARD else None
         return action
 
+    def _look_again(self, state: _State) -> Action:
+        """A second look is of use only from elsewhere, since errors repeat on the same frame; a third, from the other
+        side."""
+        return state.look if state.stops % 2 else opposite(state.look)
+
     def _draw_side(self) -> Action:
         return Action.TURN_LEFT if self._rng.random() < 0.5 else Action.TURN_RIGHT
 
 
-def _opposite_in_turn(look: int) -> Action:
-    """Left for the second look, right for the third: what was seen stays in view."""
-    return Action.TURN_LEFT if look % 2 else Action.TURN_RIGHT
+def opposite(turn: Action) -> Action:
+    """The other turn."""
+    return Action.TURN_RIGHT if turn == Action.TURN_LEFT else Action.TURN_LEFT
