@@ -14,6 +14,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from thinknav_sim.task_config import ObjectNavConfig
+from thinknav_trainer.forcing import NEVER
 from thinknav_trainer.precision import Precision
 
 
@@ -49,9 +50,16 @@ class ScenesConfig(Section):
 class ThinkConfig(Section):
     """The think action: when it is there, what it costs, what follows from it."""
 
-    strategy: Literal["never", "agent"] = Field(
-        "agent", description="never: the PPO baseline, no planner; agent: the policy decides when to think"
+    strategy: Literal["never", "agent", "every_n", "once"] = Field(
+        "agent",
+        description="never: the PPO baseline, no planner; agent: the policy decides when to think; every_n: each "
+        "think.every-th step is a think; once: a plan at the start of each episode",
     )
+    every: int = Field(20, ge=1, description="steps from one think to the next, for strategy every_n")
+    forced: float = Field(
+        0.0, ge=0, lt=1, description="for strategy agent: probability at first that a step is made a think"
+    )
+    forced_until: float = Field(0.5, gt=0, le=1, description="share of the run over which that falls to nothing")
     reward: Literal["task", "think_cost", "paper"] = Field("think_cost", description="the reward scheme (rewards.py)")
     cost: float = Field(0.01, ge=0, description="charged for each think")
     agreement_bonus: float = Field(0.1, ge=0, description="the paper's reward for doing what the subgoal says")
@@ -127,7 +135,16 @@ class TrainConfig(Section):
             )
         if self.env.think_action:
             raise ValueError("env.think_action follows from think.strategy; set that instead")
+        if self.think.forced and self.think.strategy != "agent":
+            raise ValueError(f"think.forced is for strategy agent, not {self.think.strategy}")
         return self
+
+    @property
+    def network(self) -> PolicyConfig:
+        """The policy's configuration: `policy`, without thinks of its own where the strategy decides on them."""
+        if self.think.strategy in ("every_n", "once"):
+            return self.policy.model_copy(update={"think_bias": NEVER})
+        return self.policy
 
     @property
     def task(self) -> ObjectNavConfig:

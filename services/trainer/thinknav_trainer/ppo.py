@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from thinknav_trainer.config import PPOConfig
+from thinknav_trainer.forcing import FORCED_THINK, acting_log_probs
 from thinknav_trainer.policy import Policy, prepare
 from thinknav_trainer.precision import autocast
 from thinknav_trainer.rollout import Rollout
@@ -65,7 +66,9 @@ class PPO:
             )
         rows = transitions[sequences.index[sequences.mask]]  # the order in which the policy answered
         log_probs = logits.log_softmax(dim=1)
-        chosen_log_probs = log_probs.gather(1, rollout.actions[rows, None])[:, 0]
+        forced = rollout.observations.get(FORCED_THINK)
+        acting = acting_log_probs(log_probs, None if forced is None else forced[rows])
+        chosen_log_probs = acting.gather(1, rollout.actions[rows, None])[:, 0]
         log_ratio = chosen_log_probs - rollout.log_probs[rows]
         policy_loss = self._policy_loss(log_ratio.exp(), advantages[rows])
         value_loss = self._value_loss(values, rollout.values[rows], rollout.returns[rows])

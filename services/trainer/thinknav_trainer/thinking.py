@@ -27,9 +27,11 @@ from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.asking import Asking, AskTogether
 from thinknav_trainer.config import ThinkConfig
 from thinknav_trainer.direction import subgoal_direction
+from thinknav_trainer.forcing import FORCED_THINK
 from thinknav_trainer.patience import Patience
 from thinknav_trainer.planner import Answer, PlannerClient, encode_frame
 from thinknav_trainer.rewards import REWARD_SCHEMES, Terms, ThinkStep
+from thinknav_trainer.strategies import STRATEGIES
 
 NOTHING_TO_JUDGE = -1
 
@@ -109,6 +111,8 @@ class ThinkingEnv:
         self._asking = None if planner is None else asking(planner)
         self._patience = Patience(config.patience)
         self._scheme = REWARD_SCHEMES[config.reward]
+        self.share = 1.0  # of the run that is done: what fades over a run is gone at its end, and afterwards
+        self._steps = np.zeros(env.num_envs, np.int64)  # of each episode so far
         self._to_judge = np.full(env.num_envs, NOTHING_TO_JUDGE)  # the action that the last subgoal called for
         self._term_sums: dict[str, NDArray[np.float64]] = {}
         self._request_number = 0
@@ -126,10 +130,12 @@ class ThinkingEnv:
         """Start all episodes anew."""
         observations, _ = self.env.reset()
         self._to_judge[:] = NOTHING_TO_JUDGE
+        self._steps[:] = 0
         for sums in self._term_sums.values():
             sums[:] = 0
         if self._asking is not None:
             observations["thought"] = self._descriptions[observations["objectgoal"][:, 0]]
+        self._show_forcing(observations, np.arange(self.num_envs))
         return observations
 
     def step(self, actions: NDArray[np.int64]) -> Step:
@@ -183,6 +189,8 @@ class ThinkingEnv:
             embeddings = self._embeddings(envs, replies)
             self._show_thoughts(observations, final, embeddings, done)
         ended = self._end_episodes(envs, infos, terms, done)
+        self._steps[envs] = np.where(done, 0, self._steps[envs] + 1)
+        self._show_forcing(observations, envs)
         return Step(observations, rewards.astype(np.float32), terminated, truncated, final, ended, thoughts)
 
     def _goal(self, env: int) -> str:
@@ -244,6 +252,12 @@ class ThinkingEnv:
         embeddings[done] = self._descriptions[observations["objectgoal"][done, 0]]
         observations["thought"] = embeddings
 
+    def _show_forcing(self, observations: Observations, envs: NDArray[np.integer[Any]]) -> None:
+        """Where the strategy forces thinks: with which probability the next action is one."""
+        if self._config.strategy in STRATEGIES and (self._config.strategy != "agent" or self._config.forced):
+            strategy = STRATEGIES[self._config.strategy]
+            observations[FORCED_THINK] = strategy(self._steps[envs], self.share, self._config)
+
     def _end_episodes(
         self, envs: NDArray[np.integer[Any]], infos: dict[str, Any], terms: Terms, done: NDArray[np.bool_]
     ) -> list[EpisodeEnd]:
@@ -264,6 +278,7 @@ class ThinkingEnv:
         """All that the next step depends on, the simulator's state with it. Whoever is parked will ask again."""
         return {
             "env": self.env.state_dict(),
+            "steps": self._steps.copy(),
             "to_judge": self._to_judge.copy(),
             "term_sums": {name: values.copy() for name, values in self._term_sums.items()},
             "counts": asdict(self.counts) | {"asked": self.counts.asked - len(self.parked)},
@@ -274,6 +289,7 @@ class ThinkingEnv:
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on exactly where `state_dict` was taken."""
         self.env.load_state_dict(state["env"])
+        self._steps = state["steps"].copy()
         self._to_judge = state["to_judge"].copy()
         self._term_sums = {name: values.copy() for name, values in state["term_sums"].items()}
         self.counts = ThinkCounts(**state["counts"])

@@ -65,9 +65,10 @@ def train(
     due = session.steps + config.checkpoint_every
     with progress_bar("training", config.total_steps, session.steps) as bar:
         while session.steps < config.total_steps and not interruption.requested:
+            session.env.share = session.steps / config.total_steps
             rollout = session.collector.collect()
             with session.collector.stopwatch("learn"):
-                losses = session.learner.update(rollout, remaining=1 - session.steps / config.total_steps)
+                losses = session.learner.update(rollout, remaining=1 - session.env.share)
             session.steps += len(rollout)
             metrics = summarize(session, losses, len(rollout))
             run.log(session.steps, metrics)
@@ -96,7 +97,7 @@ def open_session(
     )
     env = ThinkingEnv(vector_env, config.think, planner, AskTogether if config.deterministic else AskApart)
     torch.manual_seed(config.seed)
-    policy = Policy(observation_shape(config, planner), config.policy)
+    policy = Policy(observation_shape(config, planner), config.network)
     actor = Actor(policy, config.num_envs, config.ppo.precision, config.seed)
     session = Session(env, PPO(policy, config.ppo, config.seed), Collector(env, actor, config.ppo), planner)
     if resume_from is not None:
