@@ -60,9 +60,12 @@ class ThinkConfig(Section):
         0.0, ge=0, lt=1, description="for strategy agent: probability at first that a step is made a think"
     )
     forced_until: float = Field(0.5, gt=0, le=1, description="share of the run over which that falls to nothing")
-    reward: Literal["task", "think_cost", "paper"] = Field("think_cost", description="the reward scheme (rewards.py)")
+    reward: Literal["task", "think_cost", "paper", "annealed", "capped", "progress_gated", "potential"] = Field(
+        "think_cost", description="the reward scheme (rewards.py)"
+    )
     cost: float = Field(0.01, ge=0, description="charged for each think")
     agreement_bonus: float = Field(0.1, ge=0, description="the paper's reward for doing what the subgoal says")
+    bonus_until: float = Field(0.6, gt=0, le=1, description="share of the run over which the annealed bonus fades")
     frame_size: int = Field(128, ge=16, le=1024, description="width and height of the frame the planner sees, pixels")
     frame_encoding: Literal["jpeg", "raw"] = Field("jpeg", description="how the frame travels")
     deadline: float = Field(10.0, gt=0, description="seconds after which a reply is of no use")

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thinknav_proto import SubgoalReply, SubgoalRequest
+from thinknav_proto import PlannerError, SubgoalReply, SubgoalRequest
 from thinknav_sim.observations import Observations
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
@@ -30,6 +30,7 @@ from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.forcing import FORCED_THINK
 from thinknav_trainer.patience import Patience
 from thinknav_trainer.planner import Answer, PlannerClient, encode_frame
+from thinknav_trainer.plans import Plans
 from thinknav_trainer.rewards import REWARD_SCHEMES, Terms, ThinkStep
 from thinknav_trainer.strategies import STRATEGIES
 
@@ -101,7 +102,9 @@ class ThinkingEnv:
         config: ThinkConfig,
         planner: PlannerClient | None,
         asking: Callable[[PlannerClient], Asking] = AskTogether,
+        discount: float = 0.99,
     ) -> None:
+        """asking: how. discount: the learner's, for reward schemes that go by it."""
         if (planner is None) != (config.strategy == "never"):
             raise ValueError(f"strategy {config.strategy!r} {'needs a' if planner is None else 'takes no'} planner")
         self.env = env
@@ -110,10 +113,14 @@ class ThinkingEnv:
         self._config = config
         self._asking = None if planner is None else asking(planner)
         self._patience = Patience(config.patience)
+        self._discount = discount
         self._scheme = REWARD_SCHEMES[config.reward]
         self.share = 1.0  # of the run that is done: what fades over a run is gone at its end, and afterwards
         self._steps = np.zeros(env.num_envs, np.int64)  # of each episode so far
         self._to_judge = np.full(env.num_envs, NOTHING_TO_JUDGE)  # the action that the last subgoal called for
+        self._standing = np.zeros(env.num_envs, np.int8)  # the last judgement of each episode
+        self._plans = Plans(env.num_envs)
+        self._planner = planner
         self._term_sums: dict[str, NDArray[np.float64]] = {}
         self._request_number = 0
         self._descriptions = (
@@ -131,6 +138,9 @@ class ThinkingEnv:
         observations, _ = self.env.reset()
         self._to_judge[:] = NOTHING_TO_JUDGE
         self._steps[:] = 0
+        self._standing[:] = 0
+        for env in range(self.num_envs):
+            self._plans.forget(env)
         for sums in self._term_sums.values():
             sums[:] = 0
         if self._asking is not None:
@@ -163,7 +173,7 @@ class ThinkingEnv:
         """
         if self._asking is None or not self.parked:
             return {}
-        replies = self._asking.replies(must_wait)
+        replies = {env: self._with_plan(env, reply) for env, reply in self._asking.replies(must_wait).items()}
         self.parked.difference_update(replies)
         answered = sum(isinstance(reply, SubgoalReply) for reply in replies.values())
         self.counts.answered += answered
@@ -178,20 +188,29 @@ class ThinkingEnv:
         thoughts = [self._thought(env, reply) for env, reply in sorted(replies.items())]
         observations, rewards, terminated, truncated, infos = self.env.step_subset(envs, actions)
         terms: Terms = dict(infos["reward_terms"])
-        extra = self._scheme(ThinkStep(actions == Action.THINK, self._judge(envs, actions)), self._config)
-        self._note_subgoals(thoughts)
+        extra = self._scheme(self._judged(envs, actions, terms["progress"], terminated), self._config)
+        told = self._told(envs, actions, replies)
         for term in extra.values():
             rewards = rewards + term
         terms.update(extra)
         done = terminated | truncated
         final = {int(row): dict(infos["final_obs"][row]) for row in np.flatnonzero(done)}
         if self._asking is not None:
-            embeddings = self._embeddings(envs, replies)
-            self._show_thoughts(observations, final, embeddings, done)
+            self._show_thoughts(observations, final, told, done)
         ended = self._end_episodes(envs, infos, terms, done)
         self._steps[envs] = np.where(done, 0, self._steps[envs] + 1)
         self._show_forcing(observations, envs)
         return Step(observations, rewards.astype(np.float32), terminated, truncated, final, ended, thoughts)
+
+    def _with_plan(self, env: int, reply: Answer) -> Answer:
+        """The reply, its instructions embedded and kept if it has any, or the error that prevented that."""
+        if self._planner is None or not isinstance(reply, SubgoalReply) or not reply.instructions:
+            return reply
+        try:
+            self._plans.begin(env, reply.instructions, self._planner.embed(reply.instructions))
+        except PlannerError as error:
+            return error
+        return reply
 
     def _goal(self, env: int) -> str:
         return str(self.env.episodes[self.env.episode_indices[env]].object_category)
@@ -201,14 +220,47 @@ class ThinkingEnv:
             return Thought(env, self._goal(env), reply.subgoal)
         return Thought(env, self._goal(env), None, f"{type(reply).__name__}: {reply}")
 
-    def _embeddings(self, envs: NDArray[np.integer[Any]], replies: Mapping[int, Answer]) -> NDArray[np.float32]:
-        """What the envs have been told, (n, D); zeros for those who did not think, or in vain."""
-        embeddings = np.zeros((len(envs), self._descriptions.shape[1]), np.float32)
+    def _told(
+        self, envs: NDArray[np.integer[Any]], actions: NDArray[np.int64], replies: Mapping[int, Answer]
+    ) -> NDArray[np.float32]:
+        """What these envs see of thoughts after their actions, (n, D): see `_subgoals`, or `_instructions` of plans."""
+        told = np.zeros((len(envs), self._descriptions.shape[1]), np.float32)
+        if self._config.strategy == "once":
+            self._instructions(envs, actions, replies, told)
+        else:
+            self._subgoals(envs, replies, told)
+        return told
+
+    def _subgoals(
+        self, envs: NDArray[np.integer[Any]], replies: Mapping[int, Answer], told: NDArray[np.float32]
+    ) -> None:
+        """Rules 2, 3 and 5: the reply to this step's think, once; zeros for those who did not think, or in vain."""
         for row, env in enumerate(envs.tolist()):
             reply = replies.get(env)
             if isinstance(reply, SubgoalReply):
-                embeddings[row] = reply.embedding
-        return embeddings
+                told[row] = reply.embedding
+                self._note_direction(env, subgoal_direction(reply.subgoal))
+
+    def _instructions(
+        self,
+        envs: NDArray[np.integer[Any]],
+        actions: NDArray[np.int64],
+        replies: Mapping[int, Answer],
+        told: NDArray[np.float32],
+    ) -> None:
+        """The same for plans: what is told is the current instruction, judged by the first action that it meets."""
+        for row, env in enumerate(envs.tolist()):
+            reply = replies.get(env)
+            news = isinstance(reply, SubgoalReply) or self._plans.follow(env, int(actions[row]))
+            instruction = self._plans.current(env)
+            if instruction is not None:
+                told[row] = instruction.embedding
+                if news:
+                    self._note_direction(env, instruction.direction)
+
+    def _note_direction(self, env: int, direction: Action | None) -> None:
+        if direction is not None:
+            self._to_judge[env] = direction
 
     def _requests(self, envs: NDArray[np.integer[Any]], goals: Sequence[str]) -> list[SubgoalRequest]:
         size = self._config.frame_size
@@ -220,6 +272,7 @@ class ThinkingEnv:
                     request_id=str(self._request_number),
                     goal=goal,
                     frame=encode_frame(frame, self._config.frame_encoding),
+                    mode="plan" if self._config.strategy == "once" else "subgoal",
                     deadline=self._config.deadline,
                 )
             )
@@ -233,24 +286,31 @@ class ThinkingEnv:
         self._to_judge[envs] = NOTHING_TO_JUDGE
         return agreement
 
-    def _note_subgoals(self, thoughts: list[Thought]) -> None:
-        for thought in thoughts:
-            direction = None if thought.subgoal is None else subgoal_direction(thought.subgoal)
-            if direction is not None:
-                self._to_judge[thought.env] = direction
+    def _judged(
+        self,
+        envs: NDArray[np.integer[Any]],
+        actions: NDArray[np.int64],
+        progress: NDArray[np.float32],
+        terminated: NDArray[np.bool_],
+    ) -> ThinkStep:
+        agreement = self._judge(envs, actions)
+        before = self._standing[envs]
+        standing = np.where(terminated, 0, np.where(agreement != 0, agreement, before)).astype(np.int8)
+        self._standing[envs] = standing
+        return ThinkStep(actions == Action.THINK, agreement, before, standing, progress, self.share, self._discount)
 
     def _show_thoughts(
         self,
         observations: Observations,
         final: dict[int, Observations],
-        embeddings: NDArray[np.float32],
+        told: NDArray[np.float32],
         done: NDArray[np.bool_],
     ) -> None:
         for row, observation in final.items():
-            observation["thought"] = embeddings[row].copy()
+            observation["thought"] = told[row].copy()
         # A new episode begins with its own task, not with what was thought in the last one.
-        embeddings[done] = self._descriptions[observations["objectgoal"][done, 0]]
-        observations["thought"] = embeddings
+        told[done] = self._descriptions[observations["objectgoal"][done, 0]]
+        observations["thought"] = told
 
     def _show_forcing(self, observations: Observations, envs: NDArray[np.integer[Any]]) -> None:
         """Where the strategy forces thinks: with which probability the next action is one."""
@@ -270,6 +330,9 @@ class ThinkingEnv:
             sums = {name: float(values[env]) for name, values in self._term_sums.items()}
             ended.append(EpisodeEnd(env, int(infos["episode_index"][row]), measures, sums))
         self._to_judge[envs[done]] = NOTHING_TO_JUDGE
+        self._standing[envs[done]] = 0
+        for env in envs[done].tolist():
+            self._plans.forget(env)
         for total in self._term_sums.values():
             total[envs[done]] = 0
         return ended
@@ -280,6 +343,8 @@ class ThinkingEnv:
             "env": self.env.state_dict(),
             "steps": self._steps.copy(),
             "to_judge": self._to_judge.copy(),
+            "standing": self._standing.copy(),
+            "plans": self._plans.state_dict(),
             "term_sums": {name: values.copy() for name, values in self._term_sums.items()},
             "counts": asdict(self.counts) | {"asked": self.counts.asked - len(self.parked)},
             "request_number": self._request_number,
@@ -291,6 +356,8 @@ class ThinkingEnv:
         self.env.load_state_dict(state["env"])
         self._steps = state["steps"].copy()
         self._to_judge = state["to_judge"].copy()
+        self._standing = state["standing"].copy()
+        self._plans.load_state_dict(state["plans"])
         self._term_sums = {name: values.copy() for name, values in state["term_sums"].items()}
         self.counts = ThinkCounts(**state["counts"])
         self._request_number = state["request_number"]

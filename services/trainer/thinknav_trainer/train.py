@@ -31,6 +31,7 @@ from thinknav_trainer.progress import progress_bar
 from thinknav_trainer.run import Run
 from thinknav_trainer.scenes import Homes
 from thinknav_trainer.thinking import EpisodeEnd, ThinkingEnv
+from thinknav_trainer.thought_scale import centre_and_scale, typical_sentences
 
 logger = logging.getLogger(__name__)
 
@@ -95,9 +96,14 @@ def open_session(
     vector_env = ObjectNavVectorEnv(
         homes.scenes, homes.train, config.num_envs, config.task, seed=config.seed, order="random"
     )
-    env = ThinkingEnv(vector_env, config.think, planner, AskTogether if config.deterministic else AskApart)
+    env = ThinkingEnv(
+        vector_env, config.think, planner, AskTogether if config.deterministic else AskApart, config.ppo.gamma
+    )
     torch.manual_seed(config.seed)
     policy = Policy(observation_shape(config, planner), config.network)
+    if planner is not None and resume_from is None:
+        centre, scale = centre_and_scale(planner.embed(typical_sentences()))
+        policy.scale_thoughts(torch.from_numpy(centre), scale)
     actor = Actor(policy, config.num_envs, config.ppo.precision, config.seed)
     session = Session(env, PPO(policy, config.ppo, config.seed), Collector(env, actor, config.ppo), planner)
     if resume_from is not None:
