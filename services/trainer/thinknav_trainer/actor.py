@@ -89,6 +89,11 @@ class Actor:
         else:
             self.previous[agents], self.hidden[:, :, agents] = previous, hidden
 
+    def forget_everything(self) -> None:
+        """All agents begin episodes."""
+        self.previous = torch.full_like(self.previous, NO_ACTION)
+        self.hidden = torch.zeros_like(self.hidden)
+
     def _forward(
         self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:

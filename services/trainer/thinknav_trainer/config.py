@@ -37,6 +37,9 @@ class ScenesConfig(Section):
     rooms: int | None = Field(None, ge=1, le=8, description="rooms of each home; none: the home decides")
     episodes: int = Field(400, ge=10, description="episodes made in each home, before the split")
     held_out: float = Field(0.1, gt=0, lt=1, description="share of them held out, stratified by category")
+    validation: float = Field(
+        0.0, ge=0, lt=1, description="share of the rest set apart to choose checkpoints/best.pt by; 0: none"
+    )
     min_distance: float = Field(1.0, gt=0, description="shortest way from start to goal, metres")
     max_distance: float = Field(30.0, gt=0, description="longest way from start to goal, metres")
 
@@ -107,6 +110,15 @@ class PPOConfig(Section):
     )
 
 
+class WarmStartConfig(Section):
+    """Imitating an agent that thinks and obeys, before learning from rewards."""
+
+    steps: int = Field(0, ge=0, description="environment steps of demonstrations, part of total_steps; 0: none")
+    epochs: int = Field(4, ge=1, description="passes over a rollout of demonstrations")
+    lr: float = Field(1e-3, gt=0, description="Adam's learning rate while imitating")
+    max_grad_norm: float = Field(1.0, gt=0, description="gradients are clipped to this norm while imitating")
+
+
 class TrainConfig(Section):
     """A whole run."""
 
@@ -128,6 +140,7 @@ class TrainConfig(Section):
     think: ThinkConfig = ThinkConfig()
     policy: PolicyConfig = PolicyConfig()
     ppo: PPOConfig = PPOConfig()
+    warm_start: WarmStartConfig = WarmStartConfig()
 
     @model_validator(mode="after")
     def _consistent(self) -> "TrainConfig":
@@ -140,6 +153,8 @@ class TrainConfig(Section):
             raise ValueError("env.think_action follows from think.strategy; set that instead")
         if self.think.forced and self.think.strategy != "agent":
             raise ValueError(f"think.forced is for strategy agent, not {self.think.strategy}")
+        if self.warm_start.steps and self.think.strategy != "agent":
+            raise ValueError(f"warm_start shows how to think: it needs think.strategy agent, not {self.think.strategy}")
         return self
 
     @property

@@ -22,7 +22,8 @@ from thinknav_trainer.planner import PlannerClient
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.progress import progress_bar
 from thinknav_trainer.statistics import bootstrap_interval
-from thinknav_trainer.thinking import EpisodeEnd, ThinkingEnv, Thought
+from thinknav_trainer.thinking import EpisodeEnd, ThinkingEnv
+from thinknav_trainer.thoughts import Thought
 
 SUMMARY_MEASURES = ("success", "spl", "soft_spl", "distance_to_goal", "steps", "thinks", "think_rate")
 

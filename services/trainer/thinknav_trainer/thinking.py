@@ -33,6 +33,7 @@ from thinknav_trainer.planner import Answer, PlannerClient, encode_frame
 from thinknav_trainer.plans import Plans
 from thinknav_trainer.rewards import REWARD_SCHEMES, Terms, ThinkStep
 from thinknav_trainer.strategies import STRATEGIES
+from thinknav_trainer.thoughts import Thought
 
 NOTHING_TO_JUDGE = -1
 
@@ -40,16 +41,6 @@ NOTHING_TO_JUDGE = -1
 def task_description(category: str) -> str:
     """What the first thought of an episode says."""
     return f"find a {category.replace('_', ' ')}"
-
-
-@dataclass(frozen=True)
-class Thought:
-    """One reply: which env asked, for which goal, what came back. subgoal is None when the planner failed."""
-
-    env: int
-    goal: str
-    subgoal: str | None
-    error: str | None = None
 
 
 @dataclass(frozen=True)
@@ -123,15 +114,22 @@ class ThinkingEnv:
         self._planner = planner
         self._term_sums: dict[str, NDArray[np.float64]] = {}
         self._request_number = 0
-        self._descriptions = (
-            np.zeros((0, 0), np.float32)
-            if planner is None
-            else planner.embed([task_description(category) for category in GOAL_CATEGORIES])
-        )
+        self._round = 0  # of looking for replies, since the run began
+        self.texts: dict[str, NDArray[np.float32]] = {}  # what was embedded so far
+        self._descriptions = self.embed([task_description(category) for category in GOAL_CATEGORIES])
 
     @property
     def num_envs(self) -> int:
         return int(self.env.num_envs)
+
+    def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
+        """Embeddings (N, D) of texts, each asked for once; (N, 0) without a planner. Raises PlannerError."""
+        if self._planner is None:
+            return np.zeros((len(texts), 0), np.float32)
+        missing = [text for text in dict.fromkeys(texts) if text not in self.texts]
+        if missing:
+            self.texts |= zip(missing, self._planner.embed(missing), strict=True)
+        return np.stack([self.texts[text] for text in texts])
 
     def reset(self) -> Observations:
         """Start all episodes anew."""
@@ -173,6 +171,7 @@ class ThinkingEnv:
         """
         if self._asking is None or not self.parked:
             return {}
+        self._round += 1
         replies = {env: self._with_plan(env, reply) for env, reply in self._asking.replies(must_wait).items()}
         self.parked.difference_update(replies)
         answered = sum(isinstance(reply, SubgoalReply) for reply in replies.values())
@@ -185,7 +184,7 @@ class ThinkingEnv:
         self, envs: NDArray[np.integer[Any]], actions: NDArray[np.int64], replies: Mapping[int, Answer]
     ) -> Step:
         """Step these envs (n,) with their actions (n,); `replies` has those to the thinks among them."""
-        thoughts = [self._thought(env, reply) for env, reply in sorted(replies.items())]
+        thoughts = [Thought(env, self._goal(env), reply, self._round) for env, reply in sorted(replies.items())]
         observations, rewards, terminated, truncated, infos = self.env.step_subset(envs, actions)
         terms: Terms = dict(infos["reward_terms"])
         extra = self._scheme(self._judged(envs, actions, terms["progress"], terminated), self._config)
@@ -204,21 +203,16 @@ class ThinkingEnv:
 
     def _with_plan(self, env: int, reply: Answer) -> Answer:
         """The reply, its instructions embedded and kept if it has any, or the error that prevented that."""
-        if self._planner is None or not isinstance(reply, SubgoalReply) or not reply.instructions:
+        if not isinstance(reply, SubgoalReply) or not reply.instructions:
             return reply
         try:
-            self._plans.begin(env, reply.instructions, self._planner.embed(reply.instructions))
+            self._plans.begin(env, reply.instructions, self.embed(reply.instructions))
         except PlannerError as error:
             return error
         return reply
 
     def _goal(self, env: int) -> str:
         return str(self.env.episodes[self.env.episode_indices[env]].object_category)
-
-    def _thought(self, env: int, reply: Answer) -> Thought:
-        if isinstance(reply, SubgoalReply):
-            return Thought(env, self._goal(env), reply.subgoal)
-        return Thought(env, self._goal(env), None, f"{type(reply).__name__}: {reply}")
 
     def _told(
         self, envs: NDArray[np.integer[Any]], actions: NDArray[np.int64], replies: Mapping[int, Answer]
@@ -348,6 +342,7 @@ class ThinkingEnv:
             "term_sums": {name: values.copy() for name, values in self._term_sums.items()},
             "counts": asdict(self.counts) | {"asked": self.counts.asked - len(self.parked)},
             "request_number": self._request_number,
+            "round": self._round,
             "parked": sorted(self.parked),
         }
 
@@ -361,4 +356,5 @@ class ThinkingEnv:
         self._term_sums = {name: values.copy() for name, values in state["term_sums"].items()}
         self.counts = ThinkCounts(**state["counts"])
         self._request_number = state["request_number"]
+        self._round = state["round"]
         self.think(np.array(state["parked"], np.int64))

@@ -93,6 +93,7 @@ class PlanningService:
             embedding=thought.embedding,
             confidence=thought.plan.confidence,
             planner=self.info.identity,
+            embedding_space=self.info.embedding_space,
             timings=Timings(queued=batched.queued, planned=thought.planned, embedded=thought.embedded),
         )
 
