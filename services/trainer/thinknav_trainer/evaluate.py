@@ -22,7 +22,8 @@ from thinknav_trainer.planner import PlannerClient
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.progress import progress_bar
 from thinknav_trainer.records import EpisodeRecord, read_evaluation, summarize, write_evaluation
-from thinknav_trainer.thinking import EpisodeEnd, ThinkingEnv, Thought
+from thinknav_trainer.thinking import EpisodeEnd, ThinkingEnv
+from thinknav_trainer.thoughts import Thought
 from thinknav_trainer.witness import Witness
 
 __all__ = [

@@ -169,6 +169,7 @@ class PlanningService:
             embedding=thought.embedding,
             confidence=thought.plan.confidence,
             planner=self.info.identity,
+            embedding_space=self.info.embedding_space,
             timings=timings,
         )
 
