@@ -120,7 +120,7 @@ class SubgoalReply(Told):
     instructions: in mode "plan", at least one; else empty.
     embedding: (512,) float32, of the subgoal.
     confidence: 0 to 1, or None from a planner that has none.
-    planner: who answered, as name@revision.
+    planner: who answered, as name@revision. embedding_space: of the embedding; None from a service that does not say.
     """
 
     request_id: str
@@ -129,6 +129,7 @@ class SubgoalReply(Told):
     embedding: Embedding
     confidence: Annotated[float, Field(ge=0, le=1)] | None = None
     planner: Identity
+    embedding_space: Identity | None = None
     timings: Timings
 
 

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from thinknav_sim.navigation import distances_at
 from thinknav_sim.navigation.descent import turns_towards_goal
+from thinknav_sim.navigation.kinematics import move_forward, wrap
 from thinknav_sim.success import at_viewpoint
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
@@ -29,6 +30,23 @@ class ShortestPathFollower:
         poses, episodes = self.env.poses, self.env.episode_indices
         agents = range(self.env.num_envs) if indices is None else indices
         return np.array([self._action(poses[i], int(episodes[i])) for i in agents], np.int64)
+
+    def steps_needed(self, episode_index: int) -> int:
+        """How many steps it takes from the episode's start, stop among them; max_steps where it does not get there."""
+        world, config = self.env.world, self.env.config
+        scene = world.table.scene[episode_index : episode_index + 1]
+        pose = world.table.start[episode_index : episode_index + 1].copy()
+        for steps in range(1, config.max_steps):
+            action = self._action(pose[0], episode_index)
+            if action == Action.STOP:
+                return steps
+            if action == Action.MOVE_FORWARD:
+                length, sliding = config.forward_step, config.allow_sliding
+                alone = np.zeros(1, np.int64)
+                move_forward(world.grids, scene, pose, alone, length, sliding, np.zeros(1), np.zeros(1, np.bool_))
+            else:
+                pose[0, 3] = wrap(pose[0, 3] + (self._turn if action == Action.TURN_LEFT else -self._turn))
+        return config.max_steps
 
     def _action(self, pose: NDArray[np.float64], episode_index: int) -> Action:
         world, config = self.env.world, self.env.config

@@ -1,4 +1,4 @@
-"""How well an episode went: SPL and SoftSPL as Habitat computes them (Anderson et al., arXiv 1807.06757).
+"""How well an episode went: SPL and SoftSPL as Habitat computes them (Anderson et al., arXiv 1807.06757), and SOT.
 
 Pure functions of arrays; they know nothing of environments.
 """
@@ -32,3 +32,12 @@ def soft_spl(distance: ArrayLike, shortest: ArrayLike, travelled: ArrayLike) -> 
     # An agent that ends farther off than it began has covered nothing, as if it had stayed.
     share_left = np.where(length > 0, np.minimum(left, length) / np.where(length > 0, length, 1.0), left > 0)
     return (1.0 - share_left) * path_efficiency(shortest, travelled)
+
+
+def success_weighted_by_time(success: ArrayLike, shortest: ArrayLike, taken: ArrayLike) -> NDArray[np.float64]:
+    """SOT, success weighted by operation time: S * T* / max(T, T*), as SPL with seconds in the place of metres.
+
+    shortest: T*, the time of an agent that knows the way, seconds, above 0. taken: T, that of the agent, thinking
+    included. (The name is from Wang et al., arXiv 2602.09972.)
+    """
+    return spl(success, shortest, taken)

@@ -35,6 +35,7 @@ def start_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StartSer
     def start(*options: str) -> tuple[str, "subprocess.Popen[str]"]:
         announced = folder / f"url-{len(processes)}"
         command = [str(Path(sys.executable).with_name("thinknav-server")), "serve", "--port", "0"]
+        command += ["--log-level", "warning"]  # a line for each request would fill the pipe, which nobody empties
         process = subprocess.Popen(
             [*command, "--announce", str(announced), *options],
             stdout=subprocess.PIPE,

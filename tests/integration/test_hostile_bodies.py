@@ -181,13 +181,18 @@ def test_a_body_that_breaks_the_contract_is_refused_and_takes_no_memory(
     check_it_lives(url)
 
 
+def begin(url: str, length: int, start: bytes, kind: str = CONTENT_TYPE) -> socket.socket:
+    """A connection on which the start of a body of `length` bytes was sent, and no more."""
+    address = urlsplit(url)
+    connection = socket.create_connection((address.hostname or "", address.port or 0), timeout=20)
+    head = f"POST /v1/subgoals HTTP/1.1\r\nHost: x\r\nContent-Type: {kind}\r\nContent-Length: {length}\r\n\r\n"
+    connection.sendall(head.encode() + start)
+    return connection
+
+
 def test_a_body_that_never_ends_is_not_waited_for(service: tuple[str, "Popen[str]"]) -> None:
     url, _ = service
-    address = urlsplit(url)
-    with socket.create_connection((address.hostname or "", address.port or 0), timeout=20) as connection:
-        connection.sendall(
-            f"POST /v1/subgoals HTTP/1.1\r\nHost: x\r\nContent-Type: {CONTENT_TYPE}\r\nContent-Length: 1000\r\n\r\nab".encode()
-        )
+    with begin(url, 1000, b"ab") as connection:
         told = b"".join(iter(lambda: connection.recv(65536), b""))
     assert told.startswith(b"HTTP/1.1 400 ")
     assert b"did not arrive within 1 s" in told
@@ -195,12 +200,8 @@ def test_a_body_that_never_ends_is_not_waited_for(service: tuple[str, "Popen[str
 
 def test_clients_that_hang_up_while_they_send_leave_no_trace_in_the_log(start_service: StartService) -> None:
     url, process = start_service()
-    address = urlsplit(url)
     for kind in (CONTENT_TYPE, "multipart/form-data; boundary=x"):
-        with socket.create_connection((address.hostname or "", address.port or 0), timeout=20) as connection:
-            connection.sendall(
-                f"POST /v1/subgoals HTTP/1.1\r\nHost: x\r\nContent-Type: {kind}\r\nContent-Length: 1000\r\n\r\nab".encode()
-            )
+        begin(url, 1000, b"ab", kind).close()
     check_it_lives(url)
     process.terminate()
     _, log = process.communicate(timeout=30)
@@ -210,12 +211,7 @@ def test_clients_that_hang_up_while_they_send_leave_no_trace_in_the_log(start_se
 
 def test_all_bodies_together_have_a_limit(start_service: StartService) -> None:
     url, _ = start_service("--max-held-bytes", "100000")
-    address = urlsplit(url)
-    with socket.create_connection((address.hostname or "", address.port or 0), timeout=20) as held:
-        held.sendall(
-            f"POST /v1/subgoals HTTP/1.1\r\nHost: x\r\nContent-Type: {CONTENT_TYPE}\r\nContent-Length: 100000\r\n\r\n".encode()
-        )
-        held.sendall(bytes(60_000))
+    with begin(url, 100_000, bytes(60_000)):
         body = asking(Frame.raw(np.zeros((128, 128, 3), np.uint8)))
         while (response := post(url, body)).status_code == 200:
             pass  # until the other body's bytes have arrived

@@ -86,13 +86,12 @@ def test_a_failing_planner_fails_its_share(start_service: StartService) -> None:
 
 def test_over_its_limit_it_refuses_what_it_has_no_place_for(start_service: StartService) -> None:
     url, _ = start_service("--latency", "1.0", "--max-batch", "1", "--queue-size", "1")
-    frame = encode_frame(picture(0))
     with connect(url) as planner:
-        answers = planner.ask([request(str(index), frame) for index in range(5)])
+        answers = planner.ask([request(str(index), encode_frame(picture(index))) for index in range(5)])
     assert [type(answer) for answer in answers] == [SubgoalReply] + 4 * [Overloaded]
 
-    def post(_: int) -> httpx.Response:
-        files = {"frame": ("a.jpg", frame.data)}
+    def post(index: int) -> httpx.Response:
+        files = {"frame": ("a.jpg", encode_frame(picture(10 + index)).data)}
         return httpx.post(f"{url}/v1/subgoals", data={"goal": "bed"}, files=files, trust_env=False, timeout=30)
 
     with ThreadPoolExecutor(6) as clients:

@@ -34,8 +34,12 @@ def batcher_of(
     max_batch: int = 4,
     max_wait: float = 0.0,
     queue_size: int = 8,
+    slots: int = 1,
 ) -> Batcher[int, int]:
-    return Batcher(work, max_batch=max_batch, max_wait=max_wait, queue_size=queue_size)
+    async def in_a_thread(items: Sequence[int]) -> Sequence[int | PlannerError]:
+        return await asyncio.to_thread(work, items)
+
+    return Batcher(in_a_thread, max_batch=max_batch, max_wait=max_wait, queue_size=queue_size, slots=slots)
 
 
 def run(test: Callable[[], Coroutine[Any, Any, None]]) -> None:
@@ -46,8 +50,10 @@ def run(test: Callable[[], Coroutine[Any, Any, None]]) -> None:
     asyncio.run(limited())
 
 
-def submit(batcher: Batcher[int, int], item: int, deadline: float = 30.0) -> asyncio.Task[Batched[int]]:
-    return asyncio.create_task(batcher.submit(item, deadline))
+def submit(
+    batcher: Batcher[int, int], item: int, deadline: float = 30.0, client: str = "", key: str | None = None
+) -> asyncio.Task[Batched[int]]:
+    return asyncio.create_task(batcher.submit(item, deadline, client, key))
 
 
 async def settle() -> None:
@@ -239,5 +245,128 @@ def test_stopping_refuses_what_waits_and_what_comes() -> None:
         with pytest.raises(Unavailable, match="not running"):
             await batcher.submit(3, 30)
         assert work.batches == [[1]]
+
+    run(test)
+
+
+def test_a_client_that_asks_for_much_does_not_starve_the_others() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work, max_batch=2, queue_size=20) as batcher:
+            greedy = [submit(batcher, item, client="greedy") for item in range(10)]
+            await work.wait_until_it_works()
+            modest = [submit(batcher, item, client="modest") for item in (100, 101)]
+            await settle()
+            work.gate.release(20)
+            await asyncio.gather(*greedy, *modest)
+        assert work.batches[:3] == [[0, 1], [2, 100], [3, 101]]
+
+    run(test)
+
+
+def test_a_full_queue_refuses_whoever_fills_it() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work, max_batch=1, queue_size=4) as batcher:
+            running = submit(batcher, 0)
+            await work.wait_until_it_works()
+            greedy = [submit(batcher, item, client="greedy") for item in (1, 2, 3, 4)]
+            await settle()
+            modest = [submit(batcher, item, client="modest") for item in (5, 6)]
+            await settle()
+            with pytest.raises(Overloaded, match="full"):
+                await batcher.submit(7, 30, "modest")  # who has his share
+            with pytest.raises(Overloaded, match="full"):
+                await batcher.submit(8, 30, "greedy")
+            assert batcher.waiting == 4
+            work.gate.release(9)
+            answers = await asyncio.gather(running, *greedy, *modest, return_exceptions=True)
+        assert [type(answer) for answer in answers] == [*3 * [Batched], *2 * [Overloaded], *2 * [Batched]]
+        assert work.batches == [[0], [1], [5], [2], [6]]
+
+    run(test)
+
+
+def test_what_several_ask_alike_is_worked_on_once() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work) as batcher:
+            first = submit(batcher, 1, key="a")
+            await work.wait_until_it_works()
+            same = submit(batcher, 1, key="a")
+            other = submit(batcher, 2, key="b")
+            leaving, staying = submit(batcher, 3, key="c"), submit(batcher, 3, key="c")
+            await settle()
+            assert batcher.waiting == 2
+            leaving.cancel()
+            work.gate.release(9)
+            answers = await asyncio.gather(first, same, other, staying)
+            assert [answer.result for answer in answers] == [2, 2, 4, 6]
+            assert [answer.shared for answer in answers] == [False, True, False, True]
+            await batcher.submit(1, 30, key="a")  # which is over, so that it is asked again
+        assert work.batches == [[1], [2, 3], [1]]
+
+    run(test)
+
+
+def test_whoever_asks_alike_has_a_deadline_of_his_own() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work) as batcher:
+            running = submit(batcher, 0)
+            await work.wait_until_it_works()
+            patient = submit(batcher, 1, key="a")
+            await settle()
+            with pytest.raises(DeadlineExceeded):
+                await batcher.submit(1, 0.01, key="a")
+            with pytest.raises(DeadlineExceeded):
+                await batcher.submit(2, 0.01, key="b")
+            again = submit(batcher, 2, key="b")  # not joined to the one that was given up
+            await settle()
+            work.gate.release(2)
+            assert [(await task).result for task in (running, patient, again)] == [0, 2, 4]
+        assert work.batches == [[0], [1, 2]]
+
+    run(test)
+
+
+def test_several_batches_at_once_where_there_are_slots() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work, max_batch=1, slots=2) as batcher:
+            tasks = [submit(batcher, item) for item in (1, 2, 3)]
+            await work.wait_until_it_works()
+            await work.wait_until_it_works()
+            await settle()
+            assert batcher.waiting == 1
+            work.gate.release(3)
+            await asyncio.gather(*tasks)
+        assert sorted(work.batches) == [[1], [2], [3]]
+
+    run(test)
+
+
+def test_a_batch_refused_as_a_whole_tells_each() -> None:
+    def work(items: Sequence[int]) -> Sequence[int]:
+        raise Unavailable("away")
+
+    async def test() -> None:
+        async with batcher_of(work) as batcher:
+            answers = await asyncio.gather(submit(batcher, 1), submit(batcher, 2), return_exceptions=True)
+        assert [str(answer) for answer in answers] == ["away", "away"]
+
+    run(test)
+
+
+def test_stopping_before_a_batch_has_begun_refuses_it() -> None:
+    async def test() -> None:
+        batcher = batcher_of(list)
+        async with batcher:
+            task = submit(batcher, 1)
+            while not batcher.waiting:
+                await asyncio.sleep(0)
+            await asyncio.sleep(0)  # the batch is formed now, and its work not yet begun
+        with pytest.raises(Unavailable):
+            await task
 
     run(test)

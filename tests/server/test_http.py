@@ -2,7 +2,9 @@
 
 import asyncio
 import json
+import re
 from collections.abc import AsyncIterator, Iterator
+from pathlib import Path
 from typing import Any, Self
 
 import httpx
@@ -28,6 +30,7 @@ from thinknav_proto import (
     encode_embed_request,
     encode_requests,
 )
+from thinknav_server.hosts import PlannerThread
 from thinknav_server.http import create_app
 from thinknav_server.intake import Intake
 from thinknav_server.planners import Script, ScriptedPlanner
@@ -47,7 +50,7 @@ class Client:
 
     def __init__(self, failure_rate: float = 0.0) -> None:
         planner = ScriptedPlanner(SCRIPT, failure_rate=failure_rate)
-        service = PlanningService(planner, HashedWords(), Settings(limits=LIMITS))
+        service = PlanningService(PlannerThread(planner, HashedWords()), Settings(limits=LIMITS))
         self._app = create_app(service, Tokens({}), Intake(LIMITS.max_body_bytes, 10**6, body_timeout=0.5))
         self._runner = asyncio.Runner()
         self._lifespan = self._app.router.lifespan_context(self._app)
@@ -247,3 +250,37 @@ def test_a_bug_is_a_500_in_the_form_of_errors(monkeypatch: pytest.MonkeyPatch) -
     assert response.status_code == 500
     assert response.json()["error"]["code"] == "planner_failed"
     assert "a bug" not in response.text
+
+
+def test_metrics_count_what_was_answered(client: Client) -> None:
+    client.post("/v1/subgoals", content=body("chair", "bed", "c" * 51), headers=BINARY)
+    client.post("/v1/subgoals", content=body("chair"), headers=BINARY)
+    response = client.get("/metrics")
+    assert response.headers["content-type"].startswith("text/plain; version=0.0.4")
+    told = dict(line.rsplit(" ", 1) for line in response.text.splitlines() if not line.startswith("#"))
+    assert told['thinknav_requests_total{outcome="ok"}'] == "3.0"
+    assert told['thinknav_requests_total{outcome="invalid_request"}'] == "1.0"
+    assert told['thinknav_saved_total{how="cache"}'] == "1.0"
+    assert told["thinknav_batch_size_sum"] == "2.0"
+    assert told["thinknav_cache_entries"] == "2.0"
+    assert told["thinknav_ready"] == "1.0"
+    assert told["thinknav_in_flight"] == "0.0"
+    assert told['thinknav_request_seconds_count{stage="planned"}'] == "3.0"
+
+
+def test_every_metric_is_documented(client: Client) -> None:
+    told = set(re.findall(r"^# TYPE (\w+?)(?:_created)? ", client.get("/metrics").text, re.MULTILINE))
+    page = (Path(__file__).parents[2] / "docs" / "metrics.md").read_text()
+    documented = set(re.findall(r"^\| `(\w+)", page, re.MULTILINE))
+    assert told == documented
+
+
+def test_a_request_is_logged_with_its_client_and_trace(client: Client, caplog: pytest.LogCaptureFixture) -> None:
+    trace_id = "4bf92f3577b34da6a3ce929d0e0e4736"
+    with caplog.at_level("INFO", logger="thinknav_server.requests"):
+        headers = BINARY | {"traceparent": f"00-{trace_id}-00f067aa0ba902b7-01"}
+        client.post("/v1/subgoals", content=body("chair", "bed"), headers=headers)
+    (record,) = (record for record in caplog.records if record.name == "thinknav_server.requests")
+    fields = record.__dict__["fields"]
+    assert (fields["door"], fields["client"], fields["trace_id"]) == ("http", "127.0.0.1", trace_id)
+    assert (fields["requests"], fields["answered"]) == (2, 2)

@@ -19,6 +19,7 @@ from thinknav_proto import (
     SubgoalRequest,
     Unavailable,
 )
+from thinknav_server.hosts import PlannerThread
 from thinknav_server.planners import Plan, PlanItem, PlannerIdentity
 from thinknav_server.service import PlanningService
 from thinknav_server.settings import Settings
@@ -58,7 +59,7 @@ def within(service: PlanningService, work: Coroutine[Any, Any, T]) -> T:
 
 
 def ask(*requests: SubgoalRequest | PlannerError) -> list[SubgoalReply | PlannerError]:
-    service = PlanningService(Recording(), HashedWords(), SETTINGS)
+    service = PlanningService(PlannerThread(Recording(), HashedWords()), SETTINGS)
     return within(service, service.answer_each(requests))
 
 
@@ -79,7 +80,7 @@ def test_a_plan_keeps_all_its_instructions() -> None:
 
 def test_the_planner_sees_the_pixels_the_views_and_the_temperature() -> None:
     planner = Recording()
-    service = PlanningService(planner, HashedWords(), SETTINGS)
+    service = PlanningService(PlannerThread(planner, HashedWords()), SETTINGS)
     old = Frame.raw(np.full((2, 3, 3), 9, np.uint8), heading=0.5)
     within(service, service.answer_each([request("7", recent=(old,), temperature=0.8)]))
     ((item,),) = planner.batches
@@ -91,8 +92,8 @@ def test_the_planner_sees_the_pixels_the_views_and_the_temperature() -> None:
 
 def test_requests_of_one_body_share_batches() -> None:
     planner = Recording()
-    service = PlanningService(planner, HashedWords(), SETTINGS)
-    within(service, service.answer_each([request(str(index)) for index in range(6)]))
+    service = PlanningService(PlannerThread(planner, HashedWords()), SETTINGS)
+    within(service, service.answer_each([request(str(index), goal=f"chair {index}") for index in range(6)]))
     assert [len(batch) for batch in planner.batches] == [4, 2]
 
 
@@ -139,14 +140,14 @@ def test_too_many_frames_refuse_the_whole_body() -> None:
 
 
 def test_a_service_that_is_not_open_is_unavailable() -> None:
-    service = PlanningService(Recording(), HashedWords(), SETTINGS)
+    service = PlanningService(PlannerThread(Recording(), HashedWords()), SETTINGS)
     assert not service.ready
     (answer,) = asyncio.run(service.answer_each([request("7")]))
     assert isinstance(answer, Unavailable)
 
 
 def test_texts_are_embedded_within_limits() -> None:
-    service = PlanningService(Recording(), HashedWords(), SETTINGS)
+    service = PlanningService(PlannerThread(Recording(), HashedWords()), SETTINGS)
     reply = within(service, service.embed(EmbedRequest(texts=("find a chair", "find a bed"))))
     np.testing.assert_array_equal(reply.embeddings, HashedWords().encode(["find a chair", "find a bed"]))
     assert reply.embedding_space == str(HashedWords().space) == service.info.embedding_space
@@ -157,7 +158,7 @@ def test_texts_are_embedded_within_limits() -> None:
 
 
 def test_the_service_says_who_it_is() -> None:
-    info = PlanningService(Recording(), HashedWords(), SETTINGS).info
+    info = PlanningService(PlannerThread(Recording(), HashedWords()), SETTINGS).info
     assert (info.planner, info.revision, info.prompt_hash) == ("recording", "r1", "p1")
     assert info.limits == LIMITS
 
@@ -168,4 +169,4 @@ def test_an_encoder_of_another_dimension_is_refused() -> None:
         space = EmbeddingSpace("short", "1")
 
     with pytest.raises(ValueError, match=r"short@1 gives embeddings of 64 values, the protocol carries 512"):
-        PlanningService(Recording(), Short(), SETTINGS)
+        PlanningService(PlannerThread(Recording(), Short()), SETTINGS)

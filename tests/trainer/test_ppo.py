@@ -7,8 +7,9 @@ import pytest
 import torch
 
 from thinknav_trainer.config import PolicyConfig, PPOConfig
+from thinknav_trainer.dumps import NotFinite
 from thinknav_trainer.policy import ObservationShape, Policy
-from thinknav_trainer.ppo import PPO, TrainingDiverged
+from thinknav_trainer.ppo import PPO
 from thinknav_trainer.rollout import Rollout
 
 CONFIG = PPOConfig(lr=3e-3, minibatches=2, precision="float32", normalize_advantages=False)
@@ -80,7 +81,7 @@ def test_a_loss_that_is_not_finite_stops_it() -> None:
     rollout = bandit_rollout(ppo, 0)
     rollout.returns[3] = float("nan")
     before = [parameter.clone() for parameter in ppo.policy.parameters()]
-    with pytest.raises(TrainingDiverged, match="value_loss"):
+    with pytest.raises(NotFinite, match="value_loss"):
         ppo.update(rollout)
     changed = [not torch.equal(a, b) for a, b in zip(before, ppo.policy.parameters(), strict=True)]
     # A minibatch without the bad transition may have gone before; a NaN never reaches the weights.

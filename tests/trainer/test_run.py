@@ -1,10 +1,12 @@
-import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from thinknav_proto import Frame, PlannerFailed, SubgoalRequest
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.config import load_config
+from thinknav_trainer.planner import reply_to
 from thinknav_trainer.run import (
     Run,
     RunError,
@@ -12,8 +14,10 @@ from thinknav_trainer.run import (
     list_checkpoints,
     newest_checkpoint,
     read_config,
+    read_log,
     read_metrics,
 )
+from thinknav_trainer.thoughts import Thought, embedding_of
 
 
 def save(run: Run, steps: int) -> None:
@@ -23,16 +27,21 @@ def save(run: Run, steps: int) -> None:
 def test_a_run_keeps_what_was_logged(tmp_path: Path) -> None:
     config = load_config("smoke")
     run = Run.create(tmp_path / "a", config)
-    run.log(10, {"success": 0.5, "not_yet": float("nan")})
-    run.log_thoughts(10, [{"env": 1, "subgoal": "turn left"}])
+    run.log(10, {"success": 0.5, "not_yet": float("nan")}, {"time/act": 1.5})
+    reply = reply_to(
+        SubgoalRequest(request_id="1", goal="chair", frame=Frame.raw(np.zeros((1, 1, 3), np.uint8))), "left"
+    )
+    run.log_thoughts(10, [Thought(1, "chair", reply, 3), Thought(0, "bed", PlannerFailed("no idea"), 3)])
     run.close()
     assert read_config(run.folder) == config
     assert read_metrics(run.folder) == [{"steps": 10, "success": 0.5}]
-    assert json.loads((run.folder / "thoughts.jsonl").read_text()) == {
-        "steps": 10,
-        "env": 1,
-        "subgoal": "turn left",
-    }
+    assert read_log(run.folder / "timing.jsonl") == [{"steps": 10, "time/act": 1.5}]
+    told, failed = read_log(run.folder / "thoughts.jsonl")
+    [embedding] = read_log(run.folder / "embeddings.jsonl")
+    name = embedding["name"]
+    assert told == {"steps": 10, "round": 3, "env": 1, "goal": "chair", "subgoal": "left", "embedding": name}
+    assert (failed["subgoal"], failed["error"]["code"]) == (None, "planner_failed")
+    np.testing.assert_array_equal(embedding_of(embedding), reply.embedding)
     assert list((run.folder / "tensorboard").glob("events*"))
 
 
@@ -46,12 +55,12 @@ def test_resuming_drops_what_was_logged_after_the_checkpoint(tmp_path: Path) -> 
     config = load_config("smoke")
     run = Run.create(tmp_path, config)
     for steps in (10, 20, 30):
-        run.log(steps, {"success": steps / 100})
+        run.log(steps, {"success": steps / 100}, {})
     run.close()
     with (tmp_path / "metrics.jsonl").open("a") as file:
         file.write('{"steps": 3')  # killed in mid-line
     again = Run(tmp_path, config, steps=20)
-    again.log(25, {"success": 0.25})
+    again.log(25, {"success": 0.25}, {})
     again.close()
     assert [row["steps"] for row in read_metrics(tmp_path)] == [10, 20, 25]
 
@@ -73,6 +82,17 @@ def test_resuming_takes_the_newest_checkpoint_that_can_be_read(tmp_path: Path) -
     run.close()
     checkpoint_path(tmp_path, 20).write_bytes(b"cut off")
     assert newest_checkpoint(tmp_path).steps == 10
+
+
+def test_what_a_killed_process_had_begun_to_write_is_removed(tmp_path: Path) -> None:
+    config = load_config("smoke")
+    Run.create(tmp_path, config).close()
+    begun = [tmp_path / ".config.yaml.123", tmp_path / "checkpoints/.0000000010.pt.99"]
+    (tmp_path / "checkpoints").mkdir()
+    for path in begun:
+        path.write_text("half")
+    Run(tmp_path, config, steps=0).close()
+    assert not any(path.exists() for path in begun)
 
 
 def test_a_folder_that_is_no_run_is_named(tmp_path: Path) -> None:

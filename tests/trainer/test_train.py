@@ -1,20 +1,21 @@
 """A whole run, small: what it leaves on disk, and that one which was resumed equals one which was not."""
 
 import json
+import threading
 from pathlib import Path
 
 import pytest
 import torch
 
-from thinknav_proto import Unavailable
+from thinknav_proto import SubgoalRequest, Unavailable
 from thinknav_trainer.checkpoint import Checkpoint, CheckpointError
 from thinknav_trainer.config import TrainConfig, change_config
 from thinknav_trainer.evaluate import evaluate, is_of_own_share, read_evaluation, summarize, write_evaluation
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import MockTransport, PlannerClient
 from thinknav_trainer.policy import Policy
-from thinknav_trainer.run import Run, list_checkpoints, read_metrics
-from thinknav_trainer.scenes import Homes
+from thinknav_trainer.run import BEST, Run, list_checkpoints, read_log, read_metrics
+from thinknav_trainer.scenes import Homes, make_homes
 from thinknav_trainer.thinking import EpisodeEnd
 from thinknav_trainer.train import observation_shape, train
 
@@ -40,7 +41,8 @@ def test_a_run_leaves_metrics_thoughts_and_checkpoints(tmp_path: Path, smoke: Tr
     assert [row["steps"] for row in metrics] == [64, 128, 192, 256]
     asked = [json.loads(line) for line in (tmp_path / "thoughts.jsonl").read_text().splitlines()]
     assert len(asked) == metrics[-1]["thoughts/asked"] == metrics[-1]["thoughts/answered"] > 0
-    assert {"success", "spl", "soft_spl", "think_rate", "reward/think_cost", "steps_per_s"} <= set(metrics[-1])
+    assert {"success", "spl", "soft_spl", "think_rate", "reward/think_cost"} <= set(metrics[-1])
+    assert {"time/act", "time/step", "time/learn", "steps_per_s"} <= set(read_log(tmp_path / "timing.jsonl")[-1])
     # With the task alone each episode's terms add up; thinking is charged by the think.
     assert metrics[-1]["reward/think_cost"] == pytest.approx(-0.01 * metrics[-1]["thinks"], abs=1e-6)
 
@@ -59,23 +61,28 @@ def test_a_resumed_run_equals_one_that_was_not_interrupted(tmp_path: Path, smoke
     a, b = (Checkpoint.load(list_checkpoints(tmp_path / name)[-1]) for name in ("whole", "halves"))
     for name, weight in a.policy.items():
         assert torch.equal(weight, b.policy[name]), name
-    timeless = [
-        [{k: v for k, v in row.items() if not k.startswith("time/") and k != "steps_per_s"} for row in read_metrics(f)]
-        for f in (tmp_path / "whole", tmp_path / "halves")
-    ]
-    assert timeless[0] == timeless[1]
-    assert (tmp_path / "whole/thoughts.jsonl").read_text() == (tmp_path / "halves/thoughts.jsonl").read_text()
+    for log in ("metrics", "thoughts", "embeddings"):
+        texts = {(tmp_path / name / f"{log}.jsonl").read_text() for name in ("whole", "halves")}
+        assert len(texts) == 1, log
 
 
 def test_a_run_that_does_not_wait_counts_each_step_and_thought_once(
     tmp_path: Path, smoke: TrainConfig, homes: Homes
 ) -> None:
     """Stopped while thoughts were under way, and resumed."""
-    config = change_config(smoke, overrides=[*FLOAT32, "policy.think_bias=2"])
-    slow = PlannerClient(MockTransport(lambda request: "turn left", latency=0.01))
+    config = change_config(smoke, overrides=["deterministic=false", *FLOAT32, "policy.think_bias=2"])
+    first_ended = threading.Event()
+
+    def answer(request: SubgoalRequest) -> str:
+        if request.request_id == "3":
+            first_ended.wait(60)
+        return "turn left"
+
+    slow = PlannerClient(MockTransport(answer, latency=0.005))
     first = Run.create(tmp_path, change_config(config, overrides=["total_steps=128"]))
     middle = Checkpoint.load(train(first, homes, slow, Interruption()))
     first.close()
+    first_ended.set()
     assert middle.state["collector"]["env"]["parked"]
     second = Run(tmp_path, config, middle.steps)
     last = Checkpoint.load(train(second, homes, slow, Interruption(), middle))
@@ -90,6 +97,23 @@ def test_a_run_that_does_not_wait_counts_each_step_and_thought_once(
     ended = sum(end["measures"]["steps"] for end in last.state["collector"]["recent"])
     assert last.state["collector"]["episodes_ended"] < 100
     assert ended + env["env"]["agents"]["steps"].sum() == last.steps
+
+
+def test_the_best_checkpoint_on_validation_is_kept(tmp_path: Path, smoke: TrainConfig) -> None:
+    config = config_of(smoke, "scenes.validation=0.2", "checkpoint_every=64", "keep_checkpoints=1")
+    homes = make_homes(config)
+    names = [{episode.episode_id for episode in split} for split in (homes.train, homes.held_out, homes.validation)]
+    assert all(names)
+    assert sum(map(len, names)) == len(set.union(*names)) == 30
+    run = Run.create(tmp_path, config)
+    train(run, homes, planner(), Interruption())
+    run.close()
+    rows = read_log(tmp_path / "validation.jsonl")
+    assert [row["steps"] for row in rows] == [64, 128, 192, 256]
+    best = Checkpoint.load(tmp_path / "checkpoints" / BEST)
+    assert best.steps == max(rows, key=lambda row: (row["spl"], -row["steps"]))["steps"]
+    assert best.state["best"] == max(row["spl"] for row in rows)
+    assert [path.stem for path in list_checkpoints(tmp_path)] == ["0000000000", "0000000256"]
 
 
 def test_an_interrupted_run_saves_and_ends(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:

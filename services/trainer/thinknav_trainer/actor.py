@@ -9,6 +9,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from thinknav_trainer.forcing import FORCED_THINK, acting_log_probs
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.precision import Precision, autocast
 from thinknav_trainer.threads import torch_threads
@@ -65,7 +66,8 @@ class Actor:
     def decide(self, observations: Mapping[str, NDArray[Any]], agents: Rows = EVERYONE) -> Decision:
         """Choose the next actions of some agents, who observe (n, ...)."""
         logits, values, hidden = self._forward(observations, self.previous[agents], self.hidden[:, :, agents])
-        log_probs = logits.log_softmax(dim=1)
+        forced = observations.get(FORCED_THINK)
+        log_probs = acting_log_probs(logits.log_softmax(dim=1), None if forced is None else torch.from_numpy(forced))
         if self._greedy:
             actions = log_probs.argmax(dim=1, keepdim=True)
         else:
@@ -88,6 +90,10 @@ class Actor:
     def forget(self, done: NDArray[np.bool_]) -> None:
         """Episodes (N,) ended."""
         self.previous, self.hidden = _without_ended(self.previous, self.hidden, done)
+
+    def forget_everything(self) -> None:
+        """All agents begin episodes."""
+        self.forget(np.ones(len(self.previous), np.bool_))
 
     def _forward(
         self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor

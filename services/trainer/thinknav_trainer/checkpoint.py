@@ -4,7 +4,6 @@ A file holds weights, optimiser, counters, random generators and the envs' state
 that reading one never runs code. Knows nothing of what the states mean.
 """
 
-import os
 import pickle
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +11,8 @@ from typing import Any
 
 import numpy as np
 import torch
+
+from thinknav_trainer.files import replacing
 
 FORMAT = 1
 _ARRAY = "__ndarray__"
@@ -40,18 +41,8 @@ class Checkpoint:
 
     def save(self, path: Path) -> None:
         """Write aside, sync, rename: a reader sees the whole file or none."""
-        path.parent.mkdir(parents=True, exist_ok=True)
-        aside = path.with_name(f".{path.name}.{os.getpid()}")
-        with aside.open("wb") as file:
+        with replacing(path) as file:
             torch.save({"thinknav_checkpoint": FORMAT, **{k: _pack(v) for k, v in vars(self).items()}}, file)
-            file.flush()
-            os.fsync(file.fileno())
-        aside.replace(path)
-        folder = os.open(path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
 
     @classmethod
     def load(cls, path: Path) -> "Checkpoint":

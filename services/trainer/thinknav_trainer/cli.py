@@ -20,15 +20,17 @@ from thinknav_trainer.checkpoint import CheckpointError
 from thinknav_trainer.commands import bench, episodes, evaluate, homes, scenes
 from thinknav_trainer.config import ConfigError, change_config, load_config, presets
 from thinknav_trainer.demo import run_demo
+from thinknav_trainer.dumps import TrainingDiverged
 from thinknav_trainer.interrupt import interruption
-from thinknav_trainer.ppo import TrainingDiverged
+from thinknav_trainer.recording import RecordingError
 from thinknav_trainer.report import write_report
+from thinknav_trainer.reproduce import reproduce_dump
 from thinknav_trainer.run import RunError, read_config
 from thinknav_trainer.service_process import ServiceError
 from thinknav_trainer.workflow import train_run
 
 # What a user, or the world, can do wrong; anything else is our mistake and shows its traceback.
-USAGE_ERRORS = (ConfigError, RunError, CheckpointError, SceneError, EpisodeError)
+USAGE_ERRORS = (ConfigError, RunError, RecordingError, CheckpointError, SceneError, EpisodeError)
 FAILURES = (PlannerError, ServiceError, RendererUnavailable, TrainingDiverged)
 
 app = typer.Typer(
@@ -59,19 +61,22 @@ def train(
     planner: Planner = None,
     runs: Runs = Path("runs"),
     resume: Annotated[bool, typer.Option("--resume", help="go on with the run of this name")] = False,
+    replay: Annotated[Path | None, typer.Option(help="a run's folder: its recorded replies, no service")] = None,
 ) -> None:
     """Train a policy. Needs a planning service (thinknav-server serve), but for think.strategy=never.
 
-    With --resume the run's own configuration takes the place of the preset.
+    With --resume the run's own configuration takes the place of the preset; with --replay that of the recorded run.
     """
-    if resume:
-        config = change_config(read_config(runs / name), config_file, overrides or ())
+    if resume and replay:
+        raise ConfigError("--replay repeats a run from its beginning: it does not go with --resume")
+    if resume or replay:
+        config = change_config(read_config(replay or runs / name), config_file, overrides or ())
     else:
         config = load_config(preset, config_file, overrides or ())
     if planner is not None:
         config = config.model_copy(update={"planner": planner})
     with interruption() as interrupted:
-        path = train_run(runs / name, config, interrupted, resume)
+        path = train_run(runs / name, config, interrupted, resume, replay=replay)
     Console().print(f"checkpoint: {path}", soft_wrap=True)
     raise typer.Exit(interrupted.exit_code)
 
@@ -80,6 +85,12 @@ def train(
 def report(run: Annotated[Path, typer.Argument(help="the folder of a run, evaluated before")]) -> None:
     """Write report.html into a run's folder."""
     Console().print(f"report: {write_report(run)}", soft_wrap=True)
+
+
+@app.command()
+def reproduce(dump: Annotated[Path, typer.Argument(help="a file in the dumps/ of a run that stopped")]) -> None:
+    """Go once more through what made a run stop with a number that is not finite. For dumps of your own only."""
+    Console().print(reproduce_dump(dump), soft_wrap=True)
 
 
 @app.command()

@@ -16,9 +16,11 @@ from thinknav_sim.observations import Observations
 from thinknav_sim.task_config import Action
 from thinknav_trainer.actor import EVERYONE, Actor, Decision, Rows
 from thinknav_trainer.config import PPOConfig
+from thinknav_trainer.dumps import NotFinite
 from thinknav_trainer.planner import Answer
 from thinknav_trainer.rollout import Rollout
-from thinknav_trainer.thinking import EpisodeEnd, Step, ThinkingEnv, Thought
+from thinknav_trainer.thinking import EpisodeEnd, Step, ThinkingEnv
+from thinknav_trainer.thoughts import Thought
 from thinknav_trainer.timing import Stopwatch
 from thinknav_trainer.transitions import TransitionLog, Transitions
 
@@ -50,7 +52,7 @@ class Collector:
     def collect(self) -> Rollout:
         """num_steps transitions for each env on average, and less than one more; an env that waits gives fewer.
 
-        Raises Unavailable when the planner has been gone too long.
+        Raises Unavailable when the planner has been gone too long, NotFinite when the simulator gives such numbers.
         """
         self.thoughts = []
         log = TransitionLog()
@@ -60,9 +62,21 @@ class Collector:
             decision = self._decision.select(rows)
             with self.stopwatch("step"):
                 step = self._env.step_subset(envs, decision.actions.numpy(), replies)
+            self._require_finite(envs, decision, step)
             log.add(self._transitions(envs, decision, step))
             self._advance(envs, decision, step)
         return log.rollout(self._last_values(), self._config.gamma, self._config.tau, self._config.chunk_length)
+
+    def _require_finite(self, envs: NDArray[np.int64], decision: Decision, step: Step) -> None:
+        """What the simulator gave is checked where it comes in. Raises NotFinite."""
+        for name, values in {**step.observations, "reward": step.rewards}.items():
+            if values.dtype.kind == "f" and not np.isfinite(values).all():
+                rows = np.flatnonzero(~np.isfinite(values).reshape(len(values), -1).all(axis=1))
+                evidence = {"envs": envs, "actions": decision.actions.numpy(), "env": self._env.state_dict()}
+                raise NotFinite(
+                    f"{name} of envs {envs[rows].tolist()}",
+                    evidence | {"observations": step.observations, "rewards": step.rewards},
+                )
 
     def _decide(self) -> tuple[NDArray[np.int64], dict[int, Answer]]:
         """Who is to decide does so, and is parked if it thinks: who can be stepped now, and the replies they got."""
@@ -91,21 +105,9 @@ class Collector:
             actions=decision.actions.numpy(),
             log_probs=decision.log_probs.numpy(),
             values=decision.values.numpy(),
-            rewards=step.rewards + self._bootstrap(step, decision),
+            rewards=step.rewards + timeout_bonus(self._actor, step, decision, self._config.gamma),
             done=step.terminated | step.truncated,
         )
-
-    def _bootstrap(self, step: Step, decision: Decision) -> NDArray[np.float32]:
-        """gamma x value of the final observation where an episode ran out of steps: time is no state of the task."""
-        bonus = np.zeros(len(step.rewards), np.float32)
-        timed_out = np.flatnonzero(step.truncated & ~step.terminated)
-        if len(timed_out):
-            final = [step.final_observations[int(row)] for row in timed_out]
-            stacked = {name: np.stack([observation[name] for observation in final]) for name in final[0]}
-            rows = torch.from_numpy(timed_out)
-            final_values = self._actor.values(stacked, decision.actions[rows], decision.hidden[:, :, rows])
-            bonus[timed_out] = self._config.gamma * final_values.numpy()
-        return bonus
 
     def _advance(self, envs: NDArray[np.int64], decision: Decision, step: Step) -> None:
         rows = self._rows(envs)
@@ -116,9 +118,19 @@ class Collector:
                 self._observations[name][rows] = values
         self._actor.advance(decision, step.terminated | step.truncated, rows)
         self._to_decide = envs
+        self.note(step)
+
+    def note(self, step: Step) -> None:
+        """Count the episodes that ended in a step, and keep its thoughts."""
         self.recent.extend(step.ended)
         self.episodes_ended += len(step.ended)
         self.thoughts.extend(step.thoughts)
+
+    def restart(self) -> None:
+        """Begin new episodes in all envs: someone else has stepped them, and nobody is parked."""
+        self._observations = self._env.reset()
+        self._to_decide = np.arange(self._env.num_envs)
+        self._actor.forget_everything()
 
     def _last_values(self) -> NDArray[np.float32]:
         """(N,) what every env's observation is worth; of those who have decided on it, as they held it then."""
@@ -154,3 +166,15 @@ class Collector:
 
 def _take(observations: Mapping[str, NDArray[Any]], rows: Rows) -> Observations:
     return {name: values[rows] for name, values in observations.items()}
+
+
+def timeout_bonus(actor: Actor, step: Step, decision: Decision, gamma: float) -> NDArray[np.float32]:
+    """(n,) gamma x value of the final observation where an episode ran out of steps: time is no state of the task."""
+    bonus = np.zeros(len(step.rewards), np.float32)
+    timed_out = np.flatnonzero(step.truncated & ~step.terminated)
+    if len(timed_out):
+        final = [step.final_observations[int(row)] for row in timed_out]
+        stacked = {name: np.stack([observation[name] for observation in final]) for name in final[0]}
+        rows = torch.from_numpy(timed_out)
+        bonus[timed_out] = gamma * actor.values(stacked, decision.actions[rows], decision.hidden[:, :, rows]).numpy()
+    return bonus

@@ -14,6 +14,7 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from thinknav_sim.task_config import ObjectNavConfig
+from thinknav_trainer.forcing import NEVER
 from thinknav_trainer.precision import Precision
 
 
@@ -36,6 +37,9 @@ class ScenesConfig(Section):
     rooms: int | None = Field(None, ge=1, le=8, description="rooms of each home; none: the home decides")
     episodes: int = Field(400, ge=10, description="episodes made in each home, before the split")
     held_out: float = Field(0.1, gt=0, lt=1, description="share of them held out, stratified by category")
+    validation: float = Field(
+        0.0, ge=0, lt=1, description="share of the rest set apart to choose checkpoints/best.pt by; 0: none"
+    )
     min_distance: float = Field(1.0, gt=0, description="shortest way from start to goal, metres")
     max_distance: float = Field(30.0, gt=0, description="longest way from start to goal, metres")
 
@@ -49,12 +53,22 @@ class ScenesConfig(Section):
 class ThinkConfig(Section):
     """The think action: when it is there, what it costs, what follows from it."""
 
-    strategy: Literal["never", "agent"] = Field(
-        "agent", description="never: the PPO baseline, no planner; agent: the policy decides when to think"
+    strategy: Literal["never", "agent", "every_n", "once"] = Field(
+        "agent",
+        description="never: the PPO baseline, no planner; agent: the policy decides when to think; every_n: each "
+        "think.every-th step is a think; once: a plan at the start of each episode",
     )
-    reward: Literal["task", "think_cost", "paper"] = Field("think_cost", description="the reward scheme (rewards.py)")
+    every: int = Field(20, ge=1, description="steps from one think to the next, for strategy every_n")
+    forced: float = Field(
+        0.0, ge=0, lt=1, description="for strategy agent: probability at first that a step is made a think"
+    )
+    forced_until: float = Field(0.5, gt=0, le=1, description="share of the run over which that falls to nothing")
+    reward: Literal["task", "think_cost", "paper", "annealed", "capped", "progress_gated", "potential"] = Field(
+        "think_cost", description="the reward scheme (rewards.py)"
+    )
     cost: float = Field(0.01, ge=0, description="charged for each think")
     agreement_bonus: float = Field(0.1, ge=0, description="the paper's reward for doing what the subgoal says")
+    bonus_until: float = Field(0.6, gt=0, le=1, description="share of the run over which the annealed bonus fades")
     frame_size: int = Field(128, ge=16, le=1024, description="width and height of the frame the planner sees, pixels")
     frame_encoding: Literal["jpeg", "raw"] = Field("jpeg", description="how the frame travels")
     context: int = Field(
@@ -100,6 +114,15 @@ class PPOConfig(Section):
     )
 
 
+class WarmStartConfig(Section):
+    """Imitating an agent that thinks and obeys, before learning from rewards."""
+
+    steps: int = Field(0, ge=0, description="environment steps of demonstrations, part of total_steps; 0: none")
+    epochs: int = Field(4, ge=1, description="passes over a rollout of demonstrations")
+    lr: float = Field(1e-3, gt=0, description="Adam's learning rate while imitating")
+    max_grad_norm: float = Field(1.0, gt=0, description="gradients are clipped to this norm while imitating")
+
+
 class TrainConfig(Section):
     """A whole run."""
 
@@ -121,6 +144,7 @@ class TrainConfig(Section):
     think: ThinkConfig = ThinkConfig()
     policy: PolicyConfig = PolicyConfig()
     ppo: PPOConfig = PPOConfig()
+    warm_start: WarmStartConfig = WarmStartConfig()
 
     @model_validator(mode="after")
     def _consistent(self) -> "TrainConfig":
@@ -131,7 +155,18 @@ class TrainConfig(Section):
             )
         if self.env.think_action:
             raise ValueError("env.think_action follows from think.strategy; set that instead")
+        if self.think.forced and self.think.strategy != "agent":
+            raise ValueError(f"think.forced is for strategy agent, not {self.think.strategy}")
+        if self.warm_start.steps and self.think.strategy != "agent":
+            raise ValueError(f"warm_start shows how to think: it needs think.strategy agent, not {self.think.strategy}")
         return self
+
+    @property
+    def network(self) -> PolicyConfig:
+        """The policy's configuration: `policy`, without thinks of its own where the strategy decides on them."""
+        if self.think.strategy in ("every_n", "once"):
+            return self.policy.model_copy(update={"think_bias": NEVER})
+        return self.policy
 
     @property
     def task(self) -> ObjectNavConfig:

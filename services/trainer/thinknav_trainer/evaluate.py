@@ -3,16 +3,14 @@
 Knows agents and the thinking env; nothing of how a policy was trained, and nothing of pictures.
 """
 
-import json
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thinknav_sim.episodes import Episode
+from thinknav_sim.metrics import success_weighted_by_time
 from thinknav_sim.scene import Scene
 from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_sim.vector_env import ObjectNavVectorEnv
@@ -23,36 +21,22 @@ from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import PlannerClient
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.progress import progress_bar
-from thinknav_trainer.statistics import bootstrap_interval
-from thinknav_trainer.thinking import EpisodeEnd, ThinkingEnv, Thought
+from thinknav_trainer.records import EpisodeRecord, read_evaluation, summarize, write_evaluation
+from thinknav_trainer.thinking import EpisodeEnd, ThinkingEnv
+from thinknav_trainer.thoughts import Thought
+from thinknav_trainer.witness import Witness
 
-SUMMARY_MEASURES = (
-    "success",
-    "spl",
-    "soft_spl",
-    "distance_to_goal",
-    "steps",
-    "thinks",
-    "think_rate",
-    "planner_seconds",
-)
-
-
-@dataclass(frozen=True)
-class EpisodeRecord:
-    """One evaluated episode.
-
-    measures: the task's, with think_rate and planner_seconds (by the service's account, waiting included).
-    path: (x, y, z, heading) before each step. thoughts: (step, subgoal) for each reply.
-    """
-
-    episode_id: str
-    scene: str
-    category: str
-    measures: dict[str, float]
-    terms: dict[str, float]
-    path: list[list[float]]
-    thoughts: list[tuple[int, str]]
+__all__ = [
+    "Clock",
+    "Conditions",
+    "EpisodeRecord",
+    "evaluate",
+    "is_of_own_share",
+    "play",
+    "read_evaluation",
+    "summarize",
+    "write_evaluation",
+]
 
 
 @dataclass
@@ -60,18 +44,28 @@ class _Track:
     """What an env has done in its episode so far."""
 
     path: list[list[float]] = field(default_factory=list)
+    actions: list[int] = field(default_factory=list)
     thoughts: list[tuple[int, str]] = field(default_factory=list)
     planner_seconds: float = 0.0
 
 
 @dataclass(frozen=True)
+class Clock:
+    """Seconds that a step and a think would take on a robot. They are stated, so that SOT does not measure our host."""
+
+    step: float = 0.5
+    think: float = 1.0
+
+
+@dataclass(frozen=True)
 class Conditions:
-    """How episodes are played. task: without regard to thinking, which follows from think.strategy."""
+    """How episodes are played. task: without regard to thinking, which follows from the planner's presence."""
 
     task: ObjectNavConfig
     think: ThinkConfig
     num_envs: int = 16
     seed: int = 0
+    clock: Clock = Clock()
 
 
 def evaluate(
@@ -82,13 +76,14 @@ def evaluate(
     planner: PlannerClient | None,
     interruption: Interruption,
     greedy: bool = False,
+    clock: Clock = Clock(),
 ) -> list[EpisodeRecord]:
     """Play each episode once with a policy, actions sampled unless `greedy`; see `play`."""
 
     def make_agent(env: ThinkingEnv, seed: int) -> Agent:
         return PolicyAgent(Actor(policy, env.num_envs, config.ppo.precision, seed, greedy))
 
-    conditions = Conditions(config.env, config.think, config.num_envs, config.seed)
+    conditions = Conditions(config.env, config.think, config.num_envs, config.seed, clock)
     return play(make_agent, conditions, scenes, episodes, planner, interruption)
 
 
@@ -110,6 +105,7 @@ def play(
     vector_env = ObjectNavVectorEnv(scenes, episodes, count, task, seed=conditions.seed, order="sequential")
     env = ThinkingEnv(vector_env, conditions.think, planner)
     agent = make_agent(env, conditions.seed)
+    witness = Witness(vector_env)
     records: dict[int, EpisodeRecord] = {}
     tracks = [_Track() for _ in range(count)]
     observations = env.reset()
@@ -117,14 +113,16 @@ def play(
     with progress_bar("evaluating", len(episodes), unit="episodes") as bar:
         while len(records) < len(episodes) and not interruption.requested:
             poses = vector_env.poses
-            step = env.step(agent.actions(observations, thoughts))
+            actions = agent.actions(observations, thoughts)
+            step = env.step(actions)
             done = step.terminated | step.truncated
             agent.ended(done)
-            _note(tracks, poses, step.thoughts)
+            _note(tracks, poses, actions, step.thoughts)
             for end in step.ended:
                 track, tracks[end.env] = tracks[end.env], _Track()
-                if is_of_own_share(end, count):
-                    records.setdefault(end.episode_index, _record(episodes[end.episode_index], end, track))
+                if is_of_own_share(end, count) and end.episode_index not in records:
+                    episode = episodes[end.episode_index]
+                    records[end.episode_index] = _record(episode, end, track, witness, conditions.clock)
             observations = step.observations
             thoughts = [thought for thought in step.thoughts if not done[thought.env]]
             bar.update(len(records))
@@ -141,56 +139,41 @@ def is_of_own_share(end: EpisodeEnd, count: int) -> bool:
     return end.episode_index % count == end.env
 
 
-def _note(tracks: list[_Track], poses: NDArray[np.float64], thoughts: Sequence[Thought]) -> None:
+def _note(
+    tracks: list[_Track], poses: NDArray[np.float64], actions: NDArray[np.int64], thoughts: Sequence[Thought]
+) -> None:
     for thought in thoughts:
         track = tracks[thought.env]
         track.planner_seconds += thought.seconds
         if thought.subgoal is not None:
             track.thoughts.append((len(track.path), thought.subgoal))
-    for track, pose in zip(tracks, poses.round(4).tolist(), strict=True):
+    for track, pose, action in zip(tracks, poses.tolist(), actions.tolist(), strict=True):
         track.path.append(pose)
+        track.actions.append(action)
 
 
-def _record(episode: Episode, end: EpisodeEnd, track: _Track) -> EpisodeRecord:
+def _record(episode: Episode, end: EpisodeEnd, track: _Track, witness: Witness, clock: Clock) -> EpisodeRecord:
+    told = witness.testify(end.episode_index, track.path, track.actions, bool(end.measures["success"]))
+    steps, thinks = end.measures["steps"], end.measures["thinks"]
+    seconds = (steps - thinks) * clock.step + thinks * clock.think
+    sot = success_weighted_by_time(end.measures["success"], told.steps_needed * clock.step, seconds)
     measures = end.measures | {
-        "think_rate": end.measures["thinks"] / end.measures["steps"],
+        "success_paper": told.success_paper,
+        "success_viewpoint": told.success_viewpoint,
+        "sot": float(sot),
+        "steps_needed": float(told.steps_needed),
+        "think_rate": thinks / steps,
         "planner_seconds": track.planner_seconds,
     }
     return EpisodeRecord(
-        episode.episode_id,
-        episode.scene_name,
-        episode.object_category,
-        measures,
-        end.terms,
-        track.path,
-        track.thoughts,
+        episode_id=episode.episode_id,
+        scene=episode.scene_name,
+        category=episode.object_category,
+        measures=measures,
+        terms=end.terms,
+        path=np.round(track.path, 4).tolist(),
+        actions=track.actions,
+        thoughts=track.thoughts,
+        first_seen=told.first_seen,
+        failure=told.failure,
     )
-
-
-def summarize(records: Sequence[EpisodeRecord]) -> dict[str, dict[str, float]]:
-    """Mean and 95 % bootstrap interval over episodes of each measure and reward term."""
-    columns = {name: [record.measures[name] for record in records] for name in SUMMARY_MEASURES}
-    columns |= {f"reward/{name}": [record.terms[name] for record in records] for name in records[0].terms}
-    summary = {}
-    for name, values in columns.items():
-        low, high = bootstrap_interval(values)
-        summary[name] = {"mean": float(np.mean(values)), "low": low, "high": high}
-    return summary
-
-
-def write_evaluation(folder: Path, protocol: Mapping[str, Any], records: Sequence[EpisodeRecord]) -> Path:
-    """`result.json` (protocol and summary) and `episodes.jsonl` (every record) in a folder; the path of the first."""
-    folder.mkdir(parents=True, exist_ok=True)
-    with (folder / "episodes.jsonl").open("w") as file:
-        file.writelines(json.dumps(asdict(record)) + "\n" for record in records)
-    path = folder / "result.json"
-    path.write_text(json.dumps({"protocol": dict(protocol), "summary": summarize(records)}, indent=2) + "\n")
-    return path
-
-
-def read_evaluation(folder: Path) -> tuple[dict[str, Any], list[EpisodeRecord]]:
-    """What `write_evaluation` wrote: result and records."""
-    result: dict[str, Any] = json.loads((folder / "result.json").read_text())
-    lines = (folder / "episodes.jsonl").read_text().splitlines()
-    records = [EpisodeRecord(**json.loads(line)) for line in lines]
-    return result, records

@@ -90,6 +90,9 @@ def prepare(observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
 class Policy(nn.Module):
     """Actor and critic on one LSTM. `stop` starts with a low prior: see `PolicyConfig.stop_bias`."""
 
+    thought_centre: Tensor
+    thought_scale: Tensor
+
     def __init__(self, shape: ObservationShape, config: PolicyConfig) -> None:
         super().__init__()
         self.shape = shape
@@ -101,6 +104,9 @@ class Policy(nn.Module):
         rnn_input = config.visual_size + 4 * EMBEDDING_SIZE
         if shape.thought_size:
             self.thought = nn.Linear(shape.thought_size, config.thought_size)
+            # Where thoughts lie and how far apart: by default they have unit norm, and each element unit variance.
+            self.register_buffer("thought_centre", torch.zeros(shape.thought_size))
+            self.register_buffer("thought_scale", torch.tensor(math.sqrt(shape.thought_size)))
             rnn_input += config.thought_size
         self.rnn = nn.LSTM(rnn_input, config.hidden_size, config.lstm_layers)
         for name, parameter in self.rnn.named_parameters():
@@ -131,9 +137,18 @@ class Policy(nn.Module):
             self.previous_action(previous_actions + 1),
         ]
         if self.shape.thought_size:
-            # Embeddings have unit norm, which a linear layer would hardly feel: give each element unit variance.
-            parts.append(self.thought(observations["thought"] * math.sqrt(self.shape.thought_size)))
+            parts.append(self.thought(self._scaled(observations["thought"])))
         return torch.cat([part.to(parts[0].dtype) for part in parts], dim=1)
+
+    def scale_thoughts(self, centre: Tensor, scale: float) -> None:
+        """Take (thought - centre (D,)) x scale for a thought: what `thought_scale` is about."""
+        self.thought_centre.copy_(centre)
+        self.thought_scale.fill_(scale)
+
+    def _scaled(self, thoughts: Tensor) -> Tensor:
+        """Thoughts (B, D) centred and scaled; where there is none it stays at zero."""
+        there = thoughts.any(dim=1, keepdim=True)
+        return (thoughts - self.thought_centre) * self.thought_scale * there
 
     def step(
         self, observations: Mapping[str, Tensor], previous_actions: Tensor, hidden: Tensor

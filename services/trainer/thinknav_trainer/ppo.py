@@ -4,7 +4,8 @@ Knows the policy and the rollout; nothing of envs, planners and files.
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from thinknav_trainer.config import PPOConfig
+from thinknav_trainer.dumps import NotFinite
+from thinknav_trainer.forcing import FORCED_THINK, acting_log_probs
 from thinknav_trainer.policy import Policy, prepare
 from thinknav_trainer.precision import autocast
 from thinknav_trainer.rollout import Rollout
-
-
-class TrainingDiverged(RuntimeError):
-    """A loss or a gradient is NaN or infinite; the message says which."""
 
 
 class PPO:
@@ -34,7 +33,7 @@ class PPO:
     def update(self, rollout: Rollout, remaining: float = 1.0) -> dict[str, float]:
         """Several epochs over a rollout; means of the losses. remaining: share of the run that is left, for lr_decay.
 
-        Raises TrainingDiverged.
+        Raises NotFinite.
         """
         if self.config.lr_decay:
             for group in self.optimizer.param_groups:
@@ -48,14 +47,15 @@ class PPO:
         for _ in range(self.config.epochs):
             order = self._order.permutation(len(rollout.sequence_starts))
             for chosen in np.array_split(order, self.config.minibatches):
-                for name, value in self._minibatch(rollout, observations, advantages, chosen).items():
+                for name, value in self.minibatch(rollout, observations, advantages, chosen).items():
                     sums[name] = sums.get(name, 0.0) + value
         batches = self.config.epochs * self.config.minibatches
         return {name: value / batches for name, value in sums.items()}
 
-    def _minibatch(
+    def minibatch(
         self, rollout: Rollout, observations: Mapping[str, Tensor], advantages: Tensor, chosen: NDArray[np.int64]
     ) -> dict[str, float]:
+        """One gradient step on some sequences of a rollout, whose observations are prepared. Raises NotFinite."""
         transitions, sequences = rollout.select(chosen)
         with autocast(self.config.precision):
             logits, values = self.policy.sequence(
@@ -65,29 +65,53 @@ class PPO:
             )
         rows = transitions[sequences.index[sequences.mask]]  # the order in which the policy answered
         log_probs = logits.log_softmax(dim=1)
-        chosen_log_probs = log_probs.gather(1, rollout.actions[rows, None])[:, 0]
+        forced = rollout.observations.get(FORCED_THINK)
+        acting = acting_log_probs(log_probs, None if forced is None else forced[rows])
+        chosen_log_probs = acting.gather(1, rollout.actions[rows, None])[:, 0]
         log_ratio = chosen_log_probs - rollout.log_probs[rows]
         policy_loss = self._policy_loss(log_ratio.exp(), advantages[rows])
         value_loss = self._value_loss(values, rollout.values[rows], rollout.returns[rows])
         entropy = -(log_probs.exp() * log_probs).sum(dim=1).mean()
         loss = policy_loss + self.config.value_coef * value_loss - self.config.entropy_coef * entropy
-        self.optimizer.zero_grad(set_to_none=True)
-        loss.backward()  # type: ignore[no-untyped-call]
-        gradient_norm = nn.utils.clip_grad_norm_(self.policy.parameters(), self.config.max_grad_norm)
-        losses = {
-            "policy_loss": policy_loss.item(),
-            "value_loss": value_loss.item(),
-            "entropy": entropy.item(),
-            "gradient_norm": gradient_norm.item(),
-        }
+        losses = {"policy_loss": policy_loss.item(), "value_loss": value_loss.item(), "entropy": entropy.item()}
+        evidence = partial(self._evidence, rollout, advantages, chosen)
         wrong = [name for name, value in losses.items() if not math.isfinite(value)]
         if wrong:
-            raise TrainingDiverged(f"{', '.join(wrong)} not finite: {losses}")
+            raise NotFinite(f"{', '.join(wrong)} of an update: {losses}", evidence())
+        self.optimizer.zero_grad(set_to_none=True)
+        loss.backward()  # type: ignore[no-untyped-call]
+        losses["gradient_norm"] = self._clip_gradients(evidence)
         self.optimizer.step()
         with torch.no_grad():
             losses["approximate_kl"] = (log_ratio.exp() - 1 - log_ratio).mean().item()
             losses["clip_fraction"] = ((log_ratio.exp() - 1).abs() > self.config.clip).float().mean().item()
         return losses
+
+    def _clip_gradients(self, evidence: Callable[[], dict[str, Any]]) -> float:
+        """The gradients' norm before they were clipped to the configured one."""
+        try:
+            norm = nn.utils.clip_grad_norm_(
+                self.policy.parameters(), self.config.max_grad_norm, error_if_nonfinite=True
+            )
+        except RuntimeError:
+            wrong = [
+                name
+                for name, parameter in self.policy.named_parameters()
+                if parameter.grad is not None and not parameter.grad.isfinite().all()
+            ]
+            raise NotFinite(f"gradients of {', '.join(wrong) or 'all weights together'}", evidence()) from None
+        return float(norm)
+
+    def _evidence(self, rollout: Rollout, advantages: Tensor, chosen: NDArray[np.int64]) -> dict[str, Any]:
+        """Of a minibatch that failed: `minibatch` does it again. The weights are those before its step."""
+        return {
+            "policy": self.policy.state_dict(),
+            "learner": self.state_dict(),
+            "shape": vars(self.policy.shape),
+            "rollout": vars(rollout),
+            "advantages": advantages,
+            "chosen": chosen,
+        }
 
     def _policy_loss(self, ratio: Tensor, advantages: Tensor) -> Tensor:
         clipped = ratio.clamp(1 - self.config.clip, 1 + self.config.clip)

@@ -1,4 +1,4 @@
-"""A run on disk: `runs/NAME/{config.yaml, metrics.jsonl, thoughts.jsonl, tensorboard/, checkpoints/}`.
+"""A run on disk: `runs/NAME/{config.yaml, metrics.jsonl, timing.jsonl, thoughts.jsonl, tensorboard/, checkpoints/, …}`.
 
 Knows the layout of the folder; nothing of what is learnt.
 """
@@ -6,17 +6,28 @@ Knows the layout of the folder; nothing of what is learnt.
 import json
 import logging
 import math
+import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
+import numpy as np
 import yaml
+from numpy.typing import NDArray
 from torch.utils.tensorboard import SummaryWriter
 
+from thinknav_proto import PlannerInfo, SubgoalReply
 from thinknav_trainer.checkpoint import Checkpoint, CheckpointError
 from thinknav_trainer.config import ConfigError, TrainConfig, parse_config
+from thinknav_trainer.dumps import write_dump
+from thinknav_trainer.files import remove_leftovers, replace_text
+from thinknav_trainer.recording import EMBEDDINGS, PLANNER
+from thinknav_trainer.thoughts import Thought, embedding_line
 
 logger = logging.getLogger(__name__)
+
+LOGS = ("metrics", "timing", "thoughts", "embeddings", "validation")
+BEST = "best.pt"
 
 
 class RunError(ValueError):
@@ -30,9 +41,11 @@ class Run:
         """Open it at a number of steps: what the logs hold beyond it was lost with its weights, and is cut off."""
         self.folder = folder
         self.config = config
-        (folder / "config.yaml").write_text(yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False))
-        self._metrics = _open_log(folder / "metrics.jsonl", steps)
-        self._thoughts = _open_log(folder / "thoughts.jsonl", steps)
+        for place in (folder, folder / "checkpoints"):
+            remove_leftovers(place)
+        replace_text(folder / "config.yaml", yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False))
+        self._logs = {name: open_log(folder / f"{name}.jsonl", steps) for name in LOGS}
+        self._known = {(row["name"], row["text"]) for row in read_log(folder / EMBEDDINGS)}
         self._tensorboard = SummaryWriter(str(folder / "tensorboard"), purge_step=steps + 1 if steps else None)
 
     @classmethod
@@ -43,29 +56,71 @@ class Run:
         folder.mkdir(parents=True, exist_ok=True)
         return cls(folder, config, steps=0)
 
-    def log(self, steps: int, metrics: Mapping[str, float]) -> None:
-        """One line of metrics.jsonl, and the same to TensorBoard. Values that are not finite are left out."""
-        finite = {name: value for name, value in metrics.items() if math.isfinite(value)}
-        _write(self._metrics, {"steps": steps, **finite})
-        for name, value in finite.items():
-            self._tensorboard.add_scalar(name, value, steps)
+    def log(self, steps: int, metrics: Mapping[str, float], timing: Mapping[str, float]) -> None:
+        """A line of metrics.jsonl and one of timing.jsonl, and both to TensorBoard; only what is finite.
 
-    def log_thoughts(self, steps: int, thoughts: Iterable[Mapping[str, Any]]) -> None:
-        """One line of thoughts.jsonl for each."""
+        Times are apart because they alone differ between two runs that are otherwise the same.
+        """
+        for name, values in (("metrics", metrics), ("timing", timing)):
+            finite = {key: value for key, value in values.items() if math.isfinite(value)}
+            self._write(name, {"steps": steps, **finite})
+            for key, value in finite.items():
+                self._tensorboard.add_scalar(key, value, steps)
+
+    def log_validation(self, steps: int, measures: Mapping[str, float]) -> None:
+        """A line of validation.jsonl, and the same to TensorBoard."""
+        self._write("validation", {"steps": steps, **measures})
+        for key, value in measures.items():
+            self._tensorboard.add_scalar(f"validation/{key}", value, steps)
+
+    def log_thoughts(self, steps: int, thoughts: Iterable[Thought]) -> None:
+        """A line of thoughts.jsonl for each, and its embedding where that is new."""
         for thought in thoughts:
-            _write(self._thoughts, {"steps": steps, **thought})
+            self._write("thoughts", {"steps": steps, **thought.line})
+            if isinstance(thought.answer, SubgoalReply):
+                self._log_embedding(steps, embedding_line(thought.answer.embedding))
+
+    def log_texts(self, steps: int, texts: Mapping[str, NDArray[np.float32]]) -> None:
+        """What was embedded beside thoughts, as far as it is new."""
+        for text, embedding in texts.items():
+            self._log_embedding(steps, embedding_line(embedding, text))
+
+    def note_planner(self, planner: PlannerInfo) -> None:
+        """Who answers in this run."""
+        replace_text(self.folder / PLANNER, planner.model_dump_json(indent=2) + "\n")
+
+    def _log_embedding(self, steps: int, line: Mapping[str, Any]) -> None:
+        key = line["name"], line["text"]
+        if key not in self._known:
+            self._known.add(key)
+            self._write("embeddings", {"steps": steps, **line})
+
+    def _write(self, log: str, record: Mapping[str, Any]) -> None:
+        self._logs[log].write(json.dumps(record) + "\n")
 
     def checkpoint(self, checkpoint: Checkpoint) -> Path:
-        """Save, and keep the first (the untrained policy) and the newest ones."""
+        """Save, and keep the first (the untrained policy) and the newest ones. The logs reach the disk before it."""
+        for log in self._logs.values():
+            os.fsync(log.fileno())
         path = checkpoint_path(self.folder, checkpoint.steps)
         checkpoint.save(path)
         for old in list_checkpoints(self.folder)[1 : -self.config.keep_checkpoints]:
             old.unlink()
         return path
 
+    def keep_best(self, checkpoint: Checkpoint) -> None:
+        """As checkpoints/best.pt, in the place of the one that was best until now."""
+        checkpoint.save(self.folder / "checkpoints" / BEST)
+
+    def dump(self, steps: int, evidence: Mapping[str, Any]) -> Path:
+        """Keep what is needed to see once more why a run stopped; the path."""
+        path = self.folder / "dumps" / f"{steps:010d}.pt"
+        write_dump(path, evidence)
+        return path
+
     def close(self) -> None:
-        self._metrics.close()
-        self._thoughts.close()
+        for log in self._logs.values():
+            log.close()
         self._tensorboard.close()
 
 
@@ -111,19 +166,23 @@ def read_config(folder: Path) -> TrainConfig:
         raise RunError(f"{folder}/config.yaml cannot be used: {error}") from None
 
 
-def _open_log(path: Path, steps: int) -> TextIO:
+def open_log(path: Path, steps: int) -> TextIO:
     """Open for appending, without what lies beyond `steps` and without a line that was cut off."""
-    kept = []
     if path.exists():
-        for line in path.read_text().splitlines():
-            try:
-                if json.loads(line)["steps"] <= steps:
-                    kept.append(line + "\n")
-            except (json.JSONDecodeError, KeyError, TypeError):
-                break
-    path.write_text("".join(kept))
+        kept = [json.dumps(row) + "\n" for row in read_log(path) if row["steps"] <= steps]
+        replace_text(path, "".join(kept))
     return path.open("a", buffering=1)
 
 
-def _write(file: TextIO, record: Mapping[str, Any]) -> None:
-    file.write(json.dumps(record) + "\n")
+def read_log(path: Path) -> list[dict[str, Any]]:
+    """The lines of a log up to the first that was cut off; none where there is no log."""
+    rows = []
+    for line in path.read_text().splitlines() if path.exists() else ():
+        try:
+            row = json.loads(line)
+        except json.JSONDecodeError:
+            break
+        if not isinstance(row, dict) or "steps" not in row:
+            break
+        rows.append(row)
+    return rows

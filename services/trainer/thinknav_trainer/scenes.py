@@ -3,7 +3,7 @@
 Knows configuration and simulator; nothing of learning.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from thinknav_sim.episodes import Episode, make_episodes, split_by_category
@@ -16,11 +16,12 @@ from thinknav_trainer.config import ScenesConfig, TrainConfig
 
 @dataclass(frozen=True)
 class Homes:
-    """Scenes with their training and held-out episodes."""
+    """Scenes with their training, held-out and validation episodes, which share none."""
 
     scenes: list[Scene]
     train: list[Episode]
     held_out: list[Episode]
+    validation: list[Episode] = field(default_factory=list)
 
 
 def make_homes(config: TrainConfig) -> Homes:
@@ -41,7 +42,10 @@ def make_homes(config: TrainConfig) -> Homes:
             renderer=renderer,
         )
     train, held_out = split_by_category(episodes, held_out=wanted.held_out, seed=0)
-    return Homes(scenes, list(train), list(held_out))
+    if not wanted.validation:
+        return Homes(scenes, list(train), list(held_out))
+    train, validation = split_by_category(train, held_out=wanted.validation, seed=1)
+    return Homes(scenes, list(train), list(held_out), list(validation))
 
 
 def _generate(wanted: ScenesConfig) -> list[Scene]:

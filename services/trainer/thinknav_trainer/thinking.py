@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thinknav_proto import SubgoalReply, SubgoalRequest
+from thinknav_proto import PlannerError, SubgoalReply, SubgoalRequest
 from thinknav_sim.observations import Observations
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
@@ -27,10 +27,14 @@ from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.asking import Asking, AskTogether
 from thinknav_trainer.config import ThinkConfig
 from thinknav_trainer.direction import subgoal_direction
+from thinknav_trainer.forcing import FORCED_THINK
 from thinknav_trainer.patience import Patience
 from thinknav_trainer.planner import Answer, PlannerClient, encode_frame
+from thinknav_trainer.plans import Plans
 from thinknav_trainer.recent_frames import RecentFrames
 from thinknav_trainer.rewards import REWARD_SCHEMES, Terms, ThinkStep
+from thinknav_trainer.strategies import STRATEGIES
+from thinknav_trainer.thoughts import Thought
 
 NOTHING_TO_JUDGE = -1
 
@@ -38,22 +42,6 @@ NOTHING_TO_JUDGE = -1
 def task_description(category: str) -> str:
     """What the first thought of an episode says."""
     return f"find a {category.replace('_', ' ')}"
-
-
-@dataclass(frozen=True)
-class Thought:
-    """One reply: which env asked, for which goal, what came back.
-
-    subgoal: None when the planner failed. confidence: None from a planner that has none. seconds: what the reply took
-    by the service's account, waiting in its queue included.
-    """
-
-    env: int
-    goal: str
-    subgoal: str | None
-    error: str | None = None
-    confidence: float | None = None
-    seconds: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -106,7 +94,9 @@ class ThinkingEnv:
         config: ThinkConfig,
         planner: PlannerClient | None,
         asking: Callable[[PlannerClient], Asking] = AskTogether,
+        discount: float = 0.99,
     ) -> None:
+        """asking: how. discount: the learner's, for reward schemes that go by it."""
         if (planner is None) != (config.strategy == "never"):
             raise ValueError(f"strategy {config.strategy!r} {'needs a' if planner is None else 'takes no'} planner")
         self.env = env
@@ -115,30 +105,48 @@ class ThinkingEnv:
         self._config = config
         self._asking = None if planner is None else asking(planner)
         self._patience = Patience(config.patience)
+        self._discount = discount
         self._scheme = REWARD_SCHEMES[config.reward]
+        self.share = 1.0  # of the run that is done: what fades over a run is gone at its end, and afterwards
+        self._steps = np.zeros(env.num_envs, np.int64)  # of each episode so far
         self._to_judge = np.full(env.num_envs, NOTHING_TO_JUDGE)  # the action that the last subgoal called for
+        self._standing = np.zeros(env.num_envs, np.int8)  # the last judgement of each episode
+        self._plans = Plans(env.num_envs)
+        self._planner = planner
         self._term_sums: dict[str, NDArray[np.float64]] = {}
         self._request_number = 0
         self._frames = RecentFrames(env, config)
-        self._descriptions = (
-            np.zeros((0, 0), np.float32)
-            if planner is None
-            else planner.embed([task_description(category) for category in GOAL_CATEGORIES])
-        )
+        self._round = 0  # of looking for replies, since the run began
+        self.texts: dict[str, NDArray[np.float32]] = {}  # what was embedded so far
+        self._descriptions = self.embed([task_description(category) for category in GOAL_CATEGORIES])
 
     @property
     def num_envs(self) -> int:
         return int(self.env.num_envs)
+
+    def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
+        """Embeddings (N, D) of texts, each asked for once; (N, 0) without a planner. Raises PlannerError."""
+        if self._planner is None:
+            return np.zeros((len(texts), 0), np.float32)
+        missing = [text for text in dict.fromkeys(texts) if text not in self.texts]
+        if missing:
+            self.texts |= zip(missing, self._planner.embed(missing), strict=True)
+        return np.stack([self.texts[text] for text in texts])
 
     def reset(self) -> Observations:
         """Start all episodes anew."""
         observations, _ = self.env.reset()
         self._to_judge[:] = NOTHING_TO_JUDGE
         self._frames.forget(range(self.num_envs))
+        self._steps[:] = 0
+        self._standing[:] = 0
+        for env in range(self.num_envs):
+            self._plans.forget(env)
         for sums in self._term_sums.values():
             sums[:] = 0
         if self._asking is not None:
             observations["thought"] = self._descriptions[observations["objectgoal"][:, 0]]
+        self._show_forcing(observations, np.arange(self.num_envs))
         return observations
 
     def step(self, actions: NDArray[np.int64]) -> Step:
@@ -167,7 +175,8 @@ class ThinkingEnv:
         """
         if self._asking is None or not self.parked:
             return {}
-        replies = self._asking.replies(must_wait)
+        self._round += 1
+        replies = {env: self._with_plan(env, reply) for env, reply in self._asking.replies(must_wait).items()}
         self.parked.difference_update(replies)
         answered = sum(isinstance(reply, SubgoalReply) for reply in replies.values())
         self.counts.answered += answered
@@ -179,40 +188,78 @@ class ThinkingEnv:
         self, envs: NDArray[np.integer[Any]], actions: NDArray[np.int64], replies: Mapping[int, Answer]
     ) -> Step:
         """Step these envs (n,) with their actions (n,); `replies` has those to the thinks among them."""
-        thoughts = [self._thought(env, reply) for env, reply in sorted(replies.items())]
+        thoughts = [Thought(env, self._goal(env), reply, self._round) for env, reply in sorted(replies.items())]
         self._frames.look(envs.tolist())
         observations, rewards, terminated, truncated, infos = self.env.step_subset(envs, actions)
         terms: Terms = dict(infos["reward_terms"])
-        extra = self._scheme(ThinkStep(actions == Action.THINK, self._judge(envs, actions)), self._config)
-        self._note_subgoals(thoughts)
+        extra = self._scheme(self._judged(envs, actions, terms["progress"], terminated), self._config)
+        told = self._told(envs, actions, replies)
         for term in extra.values():
             rewards = rewards + term
         terms.update(extra)
         done = terminated | truncated
         final = {int(row): dict(infos["final_obs"][row]) for row in np.flatnonzero(done)}
         if self._asking is not None:
-            embeddings = self._embeddings(envs, replies)
-            self._show_thoughts(observations, final, embeddings, done)
+            self._show_thoughts(observations, final, told, done)
         ended = self._end_episodes(envs, infos, terms, done)
+        self._steps[envs] = np.where(done, 0, self._steps[envs] + 1)
+        self._show_forcing(observations, envs)
         return Step(observations, rewards.astype(np.float32), terminated, truncated, final, ended, thoughts)
+
+    def _with_plan(self, env: int, reply: Answer) -> Answer:
+        """The reply, its instructions embedded and kept if it has any, or the error that prevented that."""
+        if not isinstance(reply, SubgoalReply) or not reply.instructions:
+            return reply
+        try:
+            self._plans.begin(env, reply.instructions, self.embed(reply.instructions))
+        except PlannerError as error:
+            return error
+        return reply
 
     def _goal(self, env: int) -> str:
         return str(self.env.episodes[self.env.episode_indices[env]].object_category)
 
-    def _thought(self, env: int, reply: Answer) -> Thought:
-        if isinstance(reply, SubgoalReply):
-            seconds = reply.timings.queued + reply.timings.planned + reply.timings.embedded
-            return Thought(env, self._goal(env), reply.subgoal, None, reply.confidence, seconds)
-        return Thought(env, self._goal(env), None, f"{type(reply).__name__}: {reply}")
+    def _told(
+        self, envs: NDArray[np.integer[Any]], actions: NDArray[np.int64], replies: Mapping[int, Answer]
+    ) -> NDArray[np.float32]:
+        """What these envs see of thoughts after their actions, (n, D): see `_subgoals`, or `_instructions` of plans."""
+        told = np.zeros((len(envs), self._descriptions.shape[1]), np.float32)
+        if self._config.strategy == "once":
+            self._instructions(envs, actions, replies, told)
+        else:
+            self._subgoals(envs, replies, told)
+        return told
 
-    def _embeddings(self, envs: NDArray[np.integer[Any]], replies: Mapping[int, Answer]) -> NDArray[np.float32]:
-        """What the envs have been told, (n, D); zeros for those who did not think, or in vain."""
-        embeddings = np.zeros((len(envs), self._descriptions.shape[1]), np.float32)
+    def _subgoals(
+        self, envs: NDArray[np.integer[Any]], replies: Mapping[int, Answer], told: NDArray[np.float32]
+    ) -> None:
+        """Rules 2, 3 and 5: the reply to this step's think, once; zeros for those who did not think, or in vain."""
         for row, env in enumerate(envs.tolist()):
             reply = replies.get(env)
             if isinstance(reply, SubgoalReply):
-                embeddings[row] = reply.embedding
-        return embeddings
+                told[row] = reply.embedding
+                self._note_direction(env, subgoal_direction(reply.subgoal))
+
+    def _instructions(
+        self,
+        envs: NDArray[np.integer[Any]],
+        actions: NDArray[np.int64],
+        replies: Mapping[int, Answer],
+        told: NDArray[np.float32],
+    ) -> None:
+        """The same for plans: what is told is the current instruction, judged by the first action that it meets."""
+        for row, env in enumerate(envs.tolist()):
+            reply = replies.get(env)
+            news = isinstance(reply, SubgoalReply) or self._plans.follow(env, int(actions[row]))
+            instruction = self._plans.current(env)
+            if instruction is not None:
+                told[row] = instruction.embedding
+                if news:
+                    self._note_direction(env, instruction.direction)
+
+    def _note_direction(self, env: int, direction: Action | None) -> None:
+        if direction is not None:
+            self._to_judge[env] = direction
 
     def _requests(self, envs: NDArray[np.integer[Any]], goals: Sequence[str]) -> list[SubgoalRequest]:
         size = self._config.frame_size
@@ -225,6 +272,7 @@ class ThinkingEnv:
                     request_id=str(self._request_number),
                     goal=goal,
                     frame=encode_frame(frame, self._config.frame_encoding),
+                    mode="plan" if self._config.strategy == "once" else "subgoal",
                     recent=self._frames.before(env, poses[env]),
                     temperature=self._config.temperature,
                     deadline=self._config.deadline,
@@ -240,24 +288,37 @@ class ThinkingEnv:
         self._to_judge[envs] = NOTHING_TO_JUDGE
         return agreement
 
-    def _note_subgoals(self, thoughts: list[Thought]) -> None:
-        for thought in thoughts:
-            direction = None if thought.subgoal is None else subgoal_direction(thought.subgoal)
-            if direction is not None:
-                self._to_judge[thought.env] = direction
+    def _judged(
+        self,
+        envs: NDArray[np.integer[Any]],
+        actions: NDArray[np.int64],
+        progress: NDArray[np.float32],
+        terminated: NDArray[np.bool_],
+    ) -> ThinkStep:
+        agreement = self._judge(envs, actions)
+        before = self._standing[envs]
+        standing = np.where(terminated, 0, np.where(agreement != 0, agreement, before)).astype(np.int8)
+        self._standing[envs] = standing
+        return ThinkStep(actions == Action.THINK, agreement, before, standing, progress, self.share, self._discount)
 
     def _show_thoughts(
         self,
         observations: Observations,
         final: dict[int, Observations],
-        embeddings: NDArray[np.float32],
+        told: NDArray[np.float32],
         done: NDArray[np.bool_],
     ) -> None:
         for row, observation in final.items():
-            observation["thought"] = embeddings[row].copy()
+            observation["thought"] = told[row].copy()
         # A new episode begins with its own task, not with what was thought in the last one.
-        embeddings[done] = self._descriptions[observations["objectgoal"][done, 0]]
-        observations["thought"] = embeddings
+        told[done] = self._descriptions[observations["objectgoal"][done, 0]]
+        observations["thought"] = told
+
+    def _show_forcing(self, observations: Observations, envs: NDArray[np.integer[Any]]) -> None:
+        """Where the strategy forces thinks: with which probability the next action is one."""
+        if self._config.strategy in STRATEGIES and (self._config.strategy != "agent" or self._config.forced):
+            strategy = STRATEGIES[self._config.strategy]
+            observations[FORCED_THINK] = strategy(self._steps[envs], self.share, self._config)
 
     def _end_episodes(
         self, envs: NDArray[np.integer[Any]], infos: dict[str, Any], terms: Terms, done: NDArray[np.bool_]
@@ -272,6 +333,9 @@ class ThinkingEnv:
             ended.append(EpisodeEnd(env, int(infos["episode_index"][row]), measures, sums))
         self._to_judge[envs[done]] = NOTHING_TO_JUDGE
         self._frames.forget(envs[done].tolist())
+        self._standing[envs[done]] = 0
+        for env in envs[done].tolist():
+            self._plans.forget(env)
         for total in self._term_sums.values():
             total[envs[done]] = 0
         return ended
@@ -280,20 +344,28 @@ class ThinkingEnv:
         """All that the next step depends on, the simulator's state with it. Whoever is parked will ask again."""
         return {
             "env": self.env.state_dict(),
+            "steps": self._steps.copy(),
             "to_judge": self._to_judge.copy(),
+            "standing": self._standing.copy(),
+            "plans": self._plans.state_dict(),
             "term_sums": {name: values.copy() for name, values in self._term_sums.items()},
             "counts": asdict(self.counts) | {"asked": self.counts.asked - len(self.parked)},
             "request_number": self._request_number,
             "frames": self._frames.state_dict(),
+            "round": self._round,
             "parked": sorted(self.parked),
         }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on exactly where `state_dict` was taken."""
         self.env.load_state_dict(state["env"])
+        self._steps = state["steps"].copy()
         self._to_judge = state["to_judge"].copy()
+        self._standing = state["standing"].copy()
+        self._plans.load_state_dict(state["plans"])
         self._term_sums = {name: values.copy() for name, values in state["term_sums"].items()}
         self.counts = ThinkCounts(**state["counts"])
         self._request_number = state["request_number"]
         self._frames.load_state_dict(state["frames"])
+        self._round = state["round"]
         self.think(np.array(state["parked"], np.int64))

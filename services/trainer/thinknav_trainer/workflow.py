@@ -10,7 +10,8 @@ from thinknav_trainer.evaluate import EpisodeRecord, evaluate, write_evaluation
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import PlannerClient, PlannerError, connect
 from thinknav_trainer.policy import Policy
-from thinknav_trainer.run import Run, RunError, newest_checkpoint, read_config
+from thinknav_trainer.recording import Recording
+from thinknav_trainer.run import Run, RunError, list_checkpoints, newest_checkpoint, read_config
 from thinknav_trainer.scenes import Homes, make_homes
 from thinknav_trainer.train import action_space, embedding_space, observation_shape, train
 
@@ -41,23 +42,29 @@ def train_run(
     interrupted: Interruption,
     resume: bool = False,
     homes: Homes | None = None,
+    replay: Path | None = None,
 ) -> Path:
-    """Begin a run or go on with it; the path of its last checkpoint."""
+    """Begin a run or go on with it; the path of its last checkpoint.
+
+    replay: the folder of a run whose recorded replies take the place of a planner.
+    """
     start = None
+    recording = None if replay is None or config.think.strategy == "never" else Recording(replay)
     if resume:
-        start = newest_checkpoint(folder)
         _check_unchanged(read_config(folder), config)
+        # Killed before its first checkpoint, a run has nothing to go on from, and begins again.
+        start = newest_checkpoint(folder) if list_checkpoints(folder) else None
     elif (folder / "config.yaml").exists():
         raise RunError(f"{folder} holds a run already; go on with --resume, or give another --name")
     with ExitStack() as stack:
-        planner = connect_if_thinking(config, stack)
+        planner = connect_if_thinking(config, stack) if recording is None else recording.planner()
         if start is not None:
             start.require(action_space(config), embedding_space(planner))
         homes = homes or make_homes(config)
         logger.info("%d training and %d held-out episodes", len(homes.train), len(homes.held_out))
-        run = Run.create(folder, config) if start is None else Run(folder, config, start.steps)
+        run = Run(folder, config, 0 if start is None else start.steps) if resume else Run.create(folder, config)
         stack.callback(run.close)
-        return train(run, homes, planner, interrupted, start)
+        return train(run, homes, planner, interrupted, start, recording)
 
 
 def _check_unchanged(before: TrainConfig, now: TrainConfig) -> None:

@@ -1,9 +1,7 @@
 """The command `thinknav-server`."""
 
-import logging
-import os
 import signal
-from enum import StrEnum
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import Annotated
@@ -11,13 +9,18 @@ from typing import Annotated
 import typer
 from pydantic import ValidationError
 
-from thinknav_models import HashedWords
-from thinknav_proto import Limits, describe
+from thinknav_proto import Limits, PlannerError, describe
+from thinknav_server.check import check_planner
+from thinknav_server.cli_sections import planner_options, process_settings, refused, takes
+from thinknav_server.door_options import accepted_limits, door_settings
 from thinknav_server.doors import open_doors
-from thinknav_server.planners import Planner, Script, ScriptedPlanner, load_script
+from thinknav_server.hosts import Host, PlannerProcess, PlannerThread
+from thinknav_server.hosts.process import ProcessSettings
+from thinknav_server.logs import configure_logs
+from thinknav_server.planners.options import PlannerOptions, load_thinker
 from thinknav_server.server import run, stop_at_end_of_input
 from thinknav_server.service import PlanningService
-from thinknav_server.settings import DEFAULT_LIMITS, DoorSettings, Settings
+from thinknav_server.settings import DoorSettings, Settings
 from thinknav_server.settings_file import SettingsFile
 
 app = typer.Typer(
@@ -28,66 +31,26 @@ app = typer.Typer(
 )
 
 
-_DOORS = DoorSettings()
-
-
-class PlannerName(StrEnum):
-    """The planners that can be served."""
-
-    SCRIPTED = "scripted"
-
-
-class LogLevel(StrEnum):
-    """How much the log tells."""
-
-    DEBUG = "debug"
-    INFO = "info"
-    WARNING = "warning"
-    ERROR = "error"
-
-
 @app.callback()
 def about() -> None:
     """The planning service of ThinkNav: frames and goals in, subgoals and their embeddings out."""
 
 
 @app.command()
+@takes(planner=planner_options, process=process_settings, doors=door_settings, limits=accepted_limits)
 def serve(
+    planner: PlannerOptions,
+    process: ProcessSettings,
+    doors: DoorSettings,
+    limits: Limits,
     _config: SettingsFile = None,
-    # doors
-    host: Annotated[
-        str, typer.Option(help="Address to listen on; others than loopback reach the network.")
-    ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 picks a free one.")] = 8765,
-    token_file: Annotated[
-        Path | None, typer.Option(help="File of the clients that may ask, name:token a line. [env: also TOKENS]")
-    ] = None,
-    tls_cert: Annotated[Path | None, typer.Option(help="PEM file of the certificate to serve with.")] = None,
-    tls_key: Annotated[Path | None, typer.Option(help="PEM file of its key, unless that holds it too.")] = None,
-    insecure: Annotated[
-        bool, typer.Option("--insecure", help="Let everybody ask, even from beyond this machine.")
-    ] = False,
-    # limits
-    max_body_bytes: Annotated[int, typer.Option(min=1, help="Of one body.")] = DEFAULT_LIMITS.max_body_bytes,
-    max_held_bytes: Annotated[int, typer.Option(min=1, help="Of all bodies at one moment.")] = _DOORS.max_held_bytes,
-    body_timeout: Annotated[float, typer.Option(min=0.001, help="Seconds for a body to arrive.")] = _DOORS.body_timeout,
-    max_frames: Annotated[int, typer.Option(min=1, help="Frames in one body.")] = DEFAULT_LIMITS.max_frames,
-    max_pixels: Annotated[int, typer.Option(min=1, help="Of one frame.")] = DEFAULT_LIMITS.max_pixels,
-    max_text_length: Annotated[
-        int, typer.Option(min=1, help="Characters of a goal or a text.")
-    ] = DEFAULT_LIMITS.max_text_length,
-    # planner
-    planner: Annotated[PlannerName, typer.Option(help="Who plans.")] = PlannerName.SCRIPTED,
-    script: Annotated[Path | None, typer.Option(help="scripted: YAML or JSON file with the sentences.")] = None,
-    latency: Annotated[float, typer.Option(min=0, help="scripted: seconds that each batch takes.")] = 0.0,
-    failure_rate: Annotated[float, typer.Option(min=0, max=1, help="scripted: share of requests that fail.")] = 0.0,
-    seed: Annotated[int, typer.Option(help="scripted: of the failures.")] = 0,
     max_batch: Annotated[int, typer.Option(min=1, help="Requests that the planner sees at once.")] = 32,
     max_wait: Annotated[float, typer.Option(min=0, help="Seconds that a request waits for others.")] = 0.0,
     queue_size: Annotated[int, typer.Option(min=1, help="Requests that wait at most; more are refused.")] = 256,
+    cache_size: Annotated[int, typer.Option(min=0, help="Answers that are remembered.")] = 10_000,
+    grace: Annotated[float, typer.Option(min=0, help="Seconds to finish requests when told to stop.")] = 8.0,
     announce: Annotated[Path | None, typer.Option(help="File to write the URL to, once it is served.")] = None,
     until_eof: Annotated[bool, typer.Option("--until-eof", help="Stop when standard input ends.")] = False,
-    log_level: Annotated[LogLevel, typer.Option(help="How much the log tells.")] = LogLevel.INFO,
 ) -> None:
     """Serve subgoals until stopped by Ctrl+C or SIGTERM.
 
@@ -97,34 +60,38 @@ def serve(
         signal.signal(signal_number, _leave)
     if until_eof:
         stop_at_end_of_input()
-    logging.basicConfig(level=log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s")
+    configure_logs(process.log_level, process.log_format)
     try:
-        limits = Limits(
-            max_frames=max_frames,
-            max_pixels=max_pixels,
-            max_body_bytes=max_body_bytes,
-            max_text_length=max_text_length,
-            max_texts=DEFAULT_LIMITS.max_texts,
+        settings = Settings(
+            max_batch=max_batch, max_wait=max_wait, queue_size=queue_size, cache_size=cache_size, limits=limits
         )
-        settings = Settings(max_batch=max_batch, max_wait=max_wait, queue_size=queue_size, limits=limits)
-        doors = DoorSettings(
-            host=host,
-            port=port,
-            token_file=token_file,
-            tokens=os.environ.get("THINKNAV_SERVER_TOKENS", ""),
-            tls_cert=tls_cert,
-            tls_key=tls_key,
-            insecure=insecure,
-            max_held_bytes=max_held_bytes,
-            body_timeout=body_timeout,
-        )
-        service = PlanningService(_planner(planner, script, latency, failure_rate, seed), HashedWords(), settings)
-        door = open_doors(service, doors)
+        service = PlanningService(_host(planner, process), settings)
+        opened = open_doors(service, doors)
     except ValidationError as error:
-        raise _refused(describe(error)) from None
+        raise refused(describe(error)) from None
     except (ValueError, OSError) as error:
-        raise _refused(str(error)) from None
-    run(door.app, door.listener, announce, f"planner {service.info.identity}", door.tls)
+        raise refused(str(error)) from None
+    what = f"planner {service.info.identity}"
+    run(opened.app, opened.listener, announce, what, partial(service.drain, grace), opened.tls)
+
+
+@app.command()
+@takes(planner=planner_options, process=process_settings)
+def check(
+    planner: PlannerOptions,
+    process: ProcessSettings,
+    goal: Annotated[str, typer.Option(help="What to ask the way to.")] = "chair",
+    image: Annotated[Path | None, typer.Option(help="JPEG or PNG file to show; a painted one without.")] = None,
+) -> None:
+    """Load the planner, ask it about one frame twice, and print the time of each stage."""
+    configure_logs(process.log_level, process.log_format)
+    try:
+        for stage in check_planner(partial(_host, planner, process), goal, image):
+            typer.echo(f"{stage.name:20} {1000 * stage.seconds:10.2f} ms  {stage.result}".rstrip())
+    except ValidationError as error:
+        raise refused(describe(error)) from None
+    except (ValueError, OSError, PlannerError) as error:
+        raise refused(str(error)) from None
 
 
 def main() -> None:
@@ -132,16 +99,12 @@ def main() -> None:
     app()
 
 
-def _planner(name: PlannerName, script: Path | None, latency: float, failure_rate: float, seed: int) -> Planner:
-    """Raises ValueError for a script that cannot be used."""
-    match name:
-        case PlannerName.SCRIPTED:
-            return ScriptedPlanner(load_script(script) if script else Script(), latency, failure_rate, seed)
-
-
-def _refused(message: str) -> typer.Exit:
-    typer.echo(f"thinknav-server: {message}", err=True)
-    return typer.Exit(1)
+def _host(planner: PlannerOptions, process: ProcessSettings) -> Host:
+    """The planner, loaded. Raises ValueError saying why it cannot be."""
+    if planner.cheap:
+        thinker = load_thinker(planner)
+        return PlannerThread(thinker.planner, thinker.text_encoder)
+    return PlannerProcess(planner, process)
 
 
 def _leave(_signal: int, _frame: FrameType | None) -> None:

@@ -5,6 +5,7 @@ Everything that can be wrong with the settings is found here, before anything is
 
 import socket
 import ssl
+from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 
 from fastapi import FastAPI
@@ -14,7 +15,7 @@ from thinknav_server.intake import Intake
 from thinknav_server.server import bind, check_exposure, tls_context
 from thinknav_server.service import PlanningService
 from thinknav_server.settings import DoorSettings
-from thinknav_server.tokens import load_tokens
+from thinknav_server.tokens import Tokens, load_tokens
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,19 @@ def open_doors(service: PlanningService, settings: DoorSettings) -> Doors:
     listener = bind(settings.host, settings.port)
     try:
         check_exposure(listener.getsockname()[0], tokens, tls is not None, settings.insecure)
-    except ValueError:
+        others = [_zenoh_door(service, settings, tokens, intake)] if settings.zenoh else []
+    except (ValueError, OSError):
         listener.close()
         raise
-    return Doors(create_app(service, tokens, intake), listener, tls)
+    return Doors(create_app(service, tokens, intake, *others), listener, tls)
+
+
+def _zenoh_door(
+    service: PlanningService, settings: DoorSettings, tokens: Tokens, intake: Intake
+) -> AbstractAsyncContextManager[object]:
+    # Only who asks for this door loads its library.
+    from thinknav_server.zenoh_door import ZenohDoor
+    from thinknav_server.zenoh_session import default_replica, open_session
+
+    session = open_session(settings, tokens, intake.max_body_bytes)
+    return ZenohDoor(session, service, intake, settings.replica or default_replica())

@@ -4,6 +4,7 @@ POST /v1/subgoals     frames and goals in, subgoals out (msgpack, or multipart/f
 POST /v1/embeddings   texts in, embeddings out (msgpack or JSON)
 GET  /v1/planner      who answers
 GET  /healthz         the process lives         GET /readyz   requests are answered
+GET  /metrics         in Prometheus' text format
 """
 
 import logging
@@ -23,15 +24,16 @@ from thinknav_proto import (
     InvalidRequest,
     PlannerError,
     PlannerFailed,
-    Unavailable,
     decode_embed_request,
     decode_requests,
     describe,
 )
 from thinknav_server.authentication import Authentication
+from thinknav_server.caller import Caller, Trace
 from thinknav_server.disconnect import ClientGone, while_connected
 from thinknav_server.forms import read_form
 from thinknav_server.intake import Intake, IntakeLimit
+from thinknav_server.metrics import CONTENT_TYPE as METRICS_TYPE
 from thinknav_server.rendering import (
     BINARY_TYPES,
     media_type,
@@ -94,7 +96,7 @@ async def subgoals(request: Request, service: Service) -> Response:
         requests = await read_form(request, service.info.limits)
     else:
         raise InvalidRequest(f"send {CONTENT_TYPE} or multipart/form-data, not {kind[:64] or 'an untyped body'}")
-    return render_replies(request, await while_connected(request, service.answer_each(requests)))
+    return render_replies(request, await while_connected(request, service.answer_each(requests, _caller(request))))
 
 
 @routes.post("/v1/embeddings")
@@ -116,7 +118,7 @@ async def embeddings(request: Request, service: Service) -> Response:
 @routes.get("/v1/planner")
 async def planner(request: Request, service: Service) -> Response:
     """Who answers, and what it accepts."""
-    return render_info(request, service.info)
+    return render_info(request, service.introduce())
 
 
 @routes.get("/healthz")
@@ -128,9 +130,21 @@ async def healthz() -> Response:
 @routes.get("/readyz")
 async def readyz(service: Service) -> Response:
     """200 while requests are answered."""
-    if not service.ready:
-        raise Unavailable("the service is starting or stopping")
+    service.introduce()
     return JSONResponse({"status": "ready"})
+
+
+@routes.get("/metrics")
+async def metrics(service: Service) -> Response:
+    """Counts and timings, as docs/metrics.md explains them."""
+    return Response(service.metrics.exposition(), media_type=METRICS_TYPE)
+
+
+def _caller(request: Request) -> Caller:
+    """Clients are told apart by the name under which they were let in, else by their address."""
+    address = request.client.host if request.client else "local"
+    trace = Trace.read(request.headers.get("traceparent"), request.headers.get("tracestate"))
+    return Caller(getattr(request.state, "client", None) or address, "http", trace)
 
 
 async def _on_planner_error(request: Request, error: Exception) -> Response:

@@ -3,6 +3,7 @@
 Knows nothing of planners; what is served is an ASGI application and a phrase that names it.
 """
 
+import asyncio
 import contextlib
 import ipaddress
 import logging
@@ -12,7 +13,9 @@ import socket
 import ssl
 import sys
 import threading
+from collections.abc import Awaitable, Callable
 from pathlib import Path
+from types import FrameType
 
 import typer
 import uvicorn
@@ -22,8 +25,10 @@ from thinknav_server.tokens import Tokens
 
 logger = logging.getLogger(__name__)
 
-# Seconds that requests in progress are given to end when the service is told to stop.
-GRACE_S = 10
+Drain = Callable[[], Awaitable[None]]
+
+# Seconds that connections are given to close when all requests are answered, or have been given up.
+_CLOSING_S = 2
 # Longer than clients keep idle connections (httpx: 5 s), so that none is closed just as its client uses it again.
 KEEP_ALIVE_S = 30
 
@@ -80,11 +85,17 @@ def check_exposure(address: str, tokens: Tokens, encrypted: bool, insecure: bool
 
 
 def run(
-    app: ASGIApp, listener: socket.socket, announce: Path | None, what: str, tls: ssl.SSLContext | None = None
+    app: ASGIApp,
+    listener: socket.socket,
+    announce: Path | None,
+    what: str,
+    drain: Drain,
+    tls: ssl.SSLContext | None = None,
 ) -> None:
-    """Serve until SIGINT or SIGTERM; requests in progress may end.
+    """Serve until SIGINT or SIGTERM, then drain; a second signal ends at once.
 
     announce: a file that holds the URL from the moment requests are accepted until the service stops.
+    drain: called when the service is told to stop, while it still listens; when it returns, all connections close.
     """
     address, port = listener.getsockname()[:2]
     ip = ipaddress.ip_address(address)
@@ -94,13 +105,13 @@ def run(
         log_config=None,
         access_log=False,
         timeout_keep_alive=KEEP_ALIVE_S,
-        timeout_graceful_shutdown=GRACE_S,
+        timeout_graceful_shutdown=_CLOSING_S,
         proxy_headers=False,  # a client's address is the one it connects from, not one that it claims
         ssl_context_factory=None if tls is None else lambda _config, _default: tls,
     )
     scheme = "http" if tls is None else "https"
     try:
-        _Server(config, f"{scheme}://{host}:{port}", announce, what).run(sockets=[listener])
+        _Server(config, f"{scheme}://{host}:{port}", announce, what, drain).run(sockets=[listener])
     finally:
         if announce:
             announce.unlink(missing_ok=True)
@@ -118,19 +129,34 @@ def stop_at_end_of_input() -> None:
 
 
 class _Server(uvicorn.Server):
-    """A uvicorn server that tells where it serves as soon as it accepts requests."""
+    """A uvicorn server that tells where it serves as soon as it accepts requests, and drains before it stops."""
 
-    def __init__(self, config: uvicorn.Config, url: str, announce: Path | None, what: str) -> None:
+    def __init__(self, config: uvicorn.Config, url: str, announce: Path | None, what: str, drain: Drain) -> None:
         super().__init__(config)
         self._url = url
         self._announce = announce
         self._what = what
+        self._drain = drain
+        self._told_to_stop = threading.Event()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)
+        self._loop = asyncio.get_running_loop()
         typer.echo(f"serving {self._what} at {self._url}")
         if self._announce:
             write_atomically(self._announce, self._url)
+
+    def handle_exit(self, sig: int, frame: FrameType | None) -> None:
+        if self._told_to_stop.is_set() or not self.started:
+            super().handle_exit(sig, frame)
+            return
+        self._told_to_stop.set()
+
+        def drain_then_exit() -> None:
+            draining = asyncio.ensure_future(self._drain())
+            draining.add_done_callback(lambda _: uvicorn.Server.handle_exit(self, sig, frame))
+
+        self._loop.call_soon_threadsafe(drain_then_exit)
 
 
 def write_atomically(path: Path, text: str) -> None:

@@ -1,18 +1,14 @@
-"""The planning service, told from a request to its reply: admit, batch, plan, embed, answer.
+"""The planning service, told from a request to its reply: admit, remember, batch, think, answer.
 
-Knows nothing of HTTP or any other door; they all call `answer_each`, `embed` and `info`.
+Knows nothing of HTTP or any other door; they all call `answer_each`, `embed` and `info`. Where thinking is done
+is the host's concern.
 """
 
 import asyncio
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Self
 
-import numpy as np
-from numpy.typing import NDArray
-
-from thinknav_models import TextEncoder
 from thinknav_proto import (
     EMBEDDING_DIMENSION,
     PROTOCOL_VERSION,
@@ -23,127 +19,172 @@ from thinknav_proto import (
     SubgoalReply,
     SubgoalRequest,
     Timings,
+    Unavailable,
 )
 from thinknav_server.batcher import Batcher
-from thinknav_server.images import decode_frame
+from thinknav_server.caller import ANONYMOUS, Caller
+from thinknav_server.hosts import Host
 from thinknav_server.limits import admit, admit_texts, check_frame_count
-from thinknav_server.planners import Plan, PlanItem, Planner, View
-from thinknav_server.planners.isolate import plan_each
+from thinknav_server.metrics import Metrics
+from thinknav_server.reply_cache import ReplyCache, question_key
+from thinknav_server.request_log import log_answers
 from thinknav_server.settings import Settings
-
-
-@dataclass(frozen=True)
-class _Thought:
-    """What the worker thread makes of a request: a plan, the embedding of its subgoal, and their seconds."""
-
-    plan: Plan
-    embedding: NDArray[np.float32]
-    planned: float
-    embedded: float
+from thinknav_server.thinking import Question, Thought
 
 
 class PlanningService:
     """Answers requests for subgoals while it is open as an async context manager."""
 
-    def __init__(self, planner: Planner, text_encoder: TextEncoder, settings: Settings) -> None:
-        if text_encoder.dimension != EMBEDDING_DIMENSION:
+    def __init__(self, host: Host, settings: Settings) -> None:
+        who = host.identity
+        if who.dimension != EMBEDDING_DIMENSION:
             raise ValueError(
-                f"the text encoder {text_encoder.space} gives embeddings of {text_encoder.dimension} values, "
+                f"the text encoder {who.space} gives embeddings of {who.dimension} values, "
                 f"the protocol carries {EMBEDDING_DIMENSION}"
             )
-        identity = planner.identity
         self.info = PlannerInfo(
             protocol_version=PROTOCOL_VERSION,
-            planner=identity.name,
-            revision=identity.revision,
-            prompt_hash=identity.prompt_hash,
-            embedding_space=str(text_encoder.space),
+            planner=who.planner.name,
+            revision=who.planner.revision,
+            prompt_hash=who.planner.prompt_hash,
+            embedding_space=str(who.space),
             limits=settings.limits,
         )
-        self._planner = planner
-        self._text_encoder = text_encoder
-        self._batcher: Batcher[SubgoalRequest, _Thought] = Batcher(
-            self._think,
+        self.metrics = Metrics()
+        self._host = host
+        self._cache = ReplyCache(settings.cache_size)
+        self._batcher: Batcher[Question, Thought] = Batcher(
+            host.think,
             max_batch=settings.max_batch,
             max_wait=settings.max_wait,
             queue_size=settings.queue_size,
+            slots=host.slots,
+            on_batch=self.metrics.batch,
         )
+        self._in_flight = 0
+        self._idle = asyncio.Event()
+        self._idle.set()
+        self._draining = False
+        self._expose()
 
     async def __aenter__(self) -> Self:
+        await self._host.__aenter__()
         await self._batcher.__aenter__()
         return self
 
     async def __aexit__(self, *error: object) -> None:
         await self._batcher.__aexit__(*error)
+        await self._host.__aexit__(*error)
+
+    def introduce(self) -> PlannerInfo:
+        """Who answers, told while requests are answered. Raises Unavailable at other times."""
+        self._check_ready()
+        return self.info
 
     @property
     def ready(self) -> bool:
         """Whether requests are answered now."""
-        return self._batcher.running
+        return self._batcher.running and self._host.ready and not self._draining
 
-    async def answer(self, request: SubgoalRequest) -> SubgoalReply:
+    async def drain(self, grace: float) -> None:
+        """From now on refuse new requests; returns when those in flight are answered, or after `grace` seconds."""
+        self._draining = True
+        try:
+            await asyncio.wait_for(self._idle.wait(), grace)
+        except TimeoutError:
+            return
+
+    async def answer(self, request: SubgoalRequest, caller: Caller = ANONYMOUS) -> SubgoalReply:
         """The subgoal for one request. Raises the PlannerError that stood in its way."""
         admit(request, self.info.limits)
-        batched = await self._batcher.submit(request, request.deadline)
+        self._check_ready()
+        key = question_key(request)
+        thought = self._cache.get(key)
+        if thought is not None:
+            self.metrics.saved("cache")
+            return self._reply(request, thought, Timings(queued=0.0, planned=0.0, embedded=0.0))
+        batched = await self._batcher.submit(Question(request, caller.trace), request.deadline, caller.name, key)
+        if batched.shared:
+            self.metrics.saved("shared")
         thought = batched.result
-        return SubgoalReply(
-            request_id=request.request_id,
-            subgoal=thought.plan.instructions[0],
-            instructions=thought.plan.instructions if request.mode == "plan" else (),
-            embedding=thought.embedding,
-            confidence=thought.plan.confidence,
-            planner=self.info.identity,
-            timings=Timings(queued=batched.queued, planned=thought.planned, embedded=thought.embedded),
-        )
+        self._cache.put(key, thought)
+        timings = Timings(queued=max(0.0, batched.queued), planned=thought.planned, embedded=thought.embedded)
+        return self._reply(request, thought, timings)
 
-    async def answer_each(self, requests: Sequence[SubgoalRequest | PlannerError]) -> list[SubgoalReply | PlannerError]:
+    async def answer_each(
+        self, requests: Sequence[SubgoalRequest | PlannerError], caller: Caller = ANONYMOUS
+    ) -> list[SubgoalReply | PlannerError]:
         """An answer for each request of one body; what arrived as an error stays one.
 
         Raises InvalidRequest when the body carries too many frames.
         """
+        began = time.perf_counter()
         check_frame_count(sum(len(r.frames) for r in requests if isinstance(r, SubgoalRequest)), self.info.limits)
-        return await asyncio.gather(*map(self._answer_or_error, requests))
+        if len(requests) == 1:
+            answers = [await self._answer_or_error(requests[0], caller)]
+        else:
+            answers = await asyncio.gather(*(self._answer_or_error(request, caller) for request in requests))
+        log_answers(caller, answers, time.perf_counter() - began)
+        return answers
 
     async def embed(self, request: EmbedRequest) -> EmbedReply:
         """The embeddings of texts. Raises InvalidRequest for too many or too long ones."""
         texts = admit_texts(request, self.info.limits)
-        embeddings = await asyncio.to_thread(self._text_encoder.encode, texts)
+        self._check_ready()
+        embeddings = await self._host.embed(texts)
         return EmbedReply(embedding_space=self.info.embedding_space, embeddings=embeddings)
 
-    async def _answer_or_error(self, request: SubgoalRequest | PlannerError) -> SubgoalReply | PlannerError:
-        if isinstance(request, PlannerError):
-            return request
+    async def _answer_or_error(
+        self, request: SubgoalRequest | PlannerError, caller: Caller
+    ) -> SubgoalReply | PlannerError:
+        began = time.perf_counter()
+        answer: SubgoalReply | PlannerError
+        self._in_flight += 1
+        self._idle.clear()
         try:
-            return await self.answer(request)
+            answer = request if isinstance(request, PlannerError) else await self.answer(request, caller)
         except PlannerError as error:
-            return error
+            answer = error
+        finally:
+            self._in_flight -= 1
+            if not self._in_flight:
+                self._idle.set()
+        self.metrics.answer(answer, time.perf_counter() - began)
+        return answer
 
-    def _think(self, requests: Sequence[SubgoalRequest]) -> Sequence[_Thought | PlannerError]:
-        """Decode, plan and embed a batch, in the worker thread; a frame that is no image fails alone."""
-        began = time.monotonic()
-        items = [_decoded(request) for request in requests]
-        plans = iter(plan_each(self._planner, [item for item in items if isinstance(item, PlanItem)]))
-        answers = [next(plans) if isinstance(item, PlanItem) else item for item in items]
-        planned = time.monotonic()
-        subgoals = [answer.instructions[0] for answer in answers if isinstance(answer, Plan)]
-        embeddings = iter(self._text_encoder.encode(subgoals))
-        embedded = time.monotonic()
-        return [
-            _Thought(answer, next(embeddings), planned - began, embedded - planned)
-            if isinstance(answer, Plan)
-            else answer
-            for answer in answers
-        ]
+    def _check_ready(self) -> None:
+        if self._draining:
+            raise Unavailable("the service is stopping")
+        if not self._batcher.running:
+            raise Unavailable("the service is starting or stopping")
+        if not self._host.ready:
+            raise Unavailable("the planner is being started again; try again in a while")
 
-
-def _decoded(request: SubgoalRequest) -> PlanItem | PlannerError:
-    try:
-        return PlanItem(
-            frame=decode_frame(request.frame),
-            goal=request.goal,
-            mode=request.mode,
-            recent=tuple(View(decode_frame(frame), frame.heading) for frame in request.recent),
-            temperature=request.temperature,
+    def _reply(self, request: SubgoalRequest, thought: Thought, timings: Timings) -> SubgoalReply:
+        instructions = thought.plan.instructions
+        return SubgoalReply(
+            request_id=request.request_id,
+            subgoal=instructions[0],
+            instructions=instructions if request.mode == "plan" else (),
+            embedding=thought.embedding,
+            confidence=thought.plan.confidence,
+            planner=self.info.identity,
+            embedding_space=self.info.embedding_space,
+            timings=timings,
         )
-    except PlannerError as error:
-        return error
+
+    def _expose(self) -> None:
+        info = self.info
+        self.metrics.describe(
+            planner=info.planner,
+            revision=info.revision,
+            prompt_hash=info.prompt_hash,
+            embedding_space=info.embedding_space,
+        )
+        self.metrics.watch(
+            queue_length=lambda: self._batcher.waiting,
+            in_flight=lambda: self._in_flight,
+            cache_entries=lambda: len(self._cache),
+            ready=lambda: self.ready,
+            planner_restarts=lambda: self._host.restarts,
+        )

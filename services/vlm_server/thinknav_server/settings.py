@@ -23,9 +23,10 @@ class Settings(BaseModel):
 
     max_batch: requests that the planner sees at once.
     max_wait: seconds that a request may wait for others to fill its batch. 0 adds nothing to a lone request;
-    batches
-        still form from what arrives while the planner is busy.
-    queue_size: requests that wait at most; more are refused at once.
+        batches still form from what arrives while the planner is busy.
+    queue_size: requests that wait at most; more are refused at once. A request that is admitted waits for at most
+        queue_size / max_batch + 1 batches.
+    cache_size: answers that are remembered, for requests of temperature 0; 0 remembers none.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -33,6 +34,7 @@ class Settings(BaseModel):
     max_batch: Annotated[int, Field(ge=1)] = 32
     max_wait: Annotated[float, Field(ge=0, le=10)] = 0.0
     queue_size: Annotated[int, Field(ge=1)] = 256
+    cache_size: Annotated[int, Field(ge=0)] = 10_000
     limits: Limits = DEFAULT_LIMITS
 
 
@@ -43,6 +45,9 @@ class DoorSettings(BaseModel):
     token_file, tokens: the clients that may ask, `name:token` a line, or separated by commas; none: everybody.
     tls_cert, tls_key: PEM files; with them the doors speak TLS.
     insecure: whether everybody may ask where others than this machine can.
+    zenoh: HOST:PORT of the zenoh door; none, no such door. zenoh_connect: HOST:PORT of routers and other replicas that
+        it joins, separated by commas. replica: its name among them; empty: one of its own.
+    tls_ca: PEM file of whoever has signed the certificates of those that it joins.
     max_held_bytes: of all bodies that the service holds at one moment. body_timeout: seconds for a body to arrive.
     """
 
@@ -55,6 +60,10 @@ class DoorSettings(BaseModel):
     tls_cert: Path | None = None
     tls_key: Path | None = None
     insecure: bool = False
+    zenoh: str | None = None
+    zenoh_connect: str = ""
+    replica: Annotated[str, Field(pattern=r"^[A-Za-z0-9_.-]{0,64}$")] = ""
+    tls_ca: Path | None = None
     max_held_bytes: Annotated[int, Field(ge=1)] = 1024 * 1024 * 1024
     body_timeout: Annotated[float, Field(gt=0)] = 30.0
 

@@ -28,7 +28,9 @@ def _read(context: typer.Context, path: Path | None) -> Path | None:
         raise typer.BadParameter(f"{path} must hold a mapping such as 'port: 8765', not a {type(values).__name__}")
     settings = {str(key).replace("-", "_"): value for key, value in (values or {}).items()}
     known = _options(context)
-    for name in settings:
+    for name, value in settings.items():
+        if not isinstance(value, str | int | float):
+            raise typer.BadParameter(f"{path}: {name} takes one value, not {value!r}")
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1)
             hint = f"; did you mean {close[0]!r}?" if close else ""

@@ -4,13 +4,29 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from thinknav_proto import EMBEDDING_DIMENSION, PlannerFailed, SubgoalReply, Timings
 from thinknav_sim.observations import Observations
 from thinknav_sim.task_config import Action
 from thinknav_trainer.agents import Obedience, ObedientAgent
 from thinknav_trainer.agents.obedient import TURNS_AWAY
-from thinknav_trainer.thinking import Thought
+from thinknav_trainer.thoughts import Thought
 
 STOP, FORWARD, LEFT, RIGHT, THINK = Action
+
+
+def thought(subgoal: str | None, confidence: float | None = None, env: int = 0) -> Thought:
+    if subgoal is None:
+        return Thought(env, "chair", PlannerFailed("no idea"))
+    reply = SubgoalReply(
+        request_id="1",
+        subgoal=subgoal,
+        embedding=np.zeros(EMBEDDING_DIMENSION, np.float32),
+        confidence=confidence,
+        planner="mock@0",
+        embedding_space="mock@0",
+        timings=Timings(queued=0.0, planned=0.0, embedded=0.0),
+    )
+    return Thought(env, "chair", reply)
 
 
 class Drive:
@@ -28,7 +44,7 @@ class Drive:
     def told(self, subgoal: str | None, confidence: float | None = None) -> Action:
         """It thinks, is told this, and does what?"""
         assert self.act() == THINK
-        return self.act(Thought(0, "chair", subgoal, None, confidence))
+        return self.act(thought(subgoal, confidence))
 
     def walks(self) -> None:
         """The step forward was free."""
@@ -59,7 +75,7 @@ def test_it_does_what_it_is_told_and_thinks_again(drive: Drive, subgoal: str | N
 def test_one_word_may_stand_for_several_steps() -> None:
     drive = Drive(ObedientAgent(1, Obedience(turns=3, forwards=2)))
     assert [drive.told("turn right"), drive.act(), drive.act(), drive.act()] == [RIGHT, RIGHT, RIGHT, THINK]
-    assert drive.act(Thought(0, "chair", "move forward")) == FORWARD
+    assert drive.act(thought("move forward", env=0)) == FORWARD
     drive.walks()
     assert drive.act() == FORWARD
     drive.walks()
@@ -142,11 +158,11 @@ def test_each_env_has_its_own_episode() -> None:
         return list(actions)
 
     assert act() == [THINK, THINK]
-    assert act(Thought(0, "chair", "turn left"), Thought(1, "bed", "turn right")) == [LEFT, RIGHT]
+    assert act(thought("turn left", env=0), thought("turn right", env=1)) == [LEFT, RIGHT]
     agent.ended(np.array([True, False]))
     assert act() == [THINK, RIGHT]
     agent.ended(np.array([False, False]))
-    assert act(Thought(0, "sofa", "stop")) == [LEFT, THINK]
+    assert act(thought("stop", env=0)) == [LEFT, THINK]
 
 
 def test_manners_that_make_no_sense_are_refused() -> None:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thinknav_sim.observations import Observations
-from thinknav_trainer.thinking import Thought
+from thinknav_trainer.thoughts import Thought
 
 
 class Agent(Protocol):

@@ -11,7 +11,7 @@ from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.agents.agent import Agent
 from thinknav_trainer.agents.obedient import BLOCKED_M
-from thinknav_trainer.thinking import Thought
+from thinknav_trainer.thoughts import Thought
 
 # How far the bump-walker may turn away, in turns of 10 degrees.
 FEWEST_TURNS, MOST_TURNS = 3, 18

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from thinknav_sim.observations import Observations
 from thinknav_sim.task_config import Action
 from thinknav_trainer.direction import subgoal_direction
-from thinknav_trainer.thinking import Thought
+from thinknav_trainer.thoughts import Thought
 
 # Who came no farther than this by a step forward stands before something. Contact leaves up to 1 cm to walk.
 BLOCKED_M = 0.05

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from thinknav_sim.observations import Observations
 from thinknav_trainer.actor import Actor
-from thinknav_trainer.thinking import Thought
+from thinknav_trainer.thoughts import Thought
 
 
 class PolicyAgent:

@@ -43,7 +43,7 @@ class RandomWalkers:
 
     def other_share(self, steps: int) -> float:
         """The share of the time of these steps that was not drawing."""
-        with _timed_renderer(self.env) as renderer:
+        with timed_renderer(self.env) as renderer:
             taken = timed(lambda: self.walk(steps))()
         return 1 - renderer.seconds / taken.wall
 
@@ -70,10 +70,10 @@ class _TimedRenderer:
 
 
 @contextmanager
-def _timed_renderer(env: ObjectNavVectorEnv) -> Iterator[_TimedRenderer]:
-    timed_renderer = _TimedRenderer(env.world.renderer)
-    env.world.renderer = cast(Renderer, timed_renderer)
+def timed_renderer(env: ObjectNavVectorEnv) -> Iterator[_TimedRenderer]:
+    timing = _TimedRenderer(env.world.renderer)
+    env.world.renderer = cast(Renderer, timing)
     try:
-        yield timed_renderer
+        yield timing
     finally:
-        env.world.renderer = timed_renderer.renderer
+        env.world.renderer = timing.renderer

@@ -30,6 +30,22 @@ def measure_simulator(
     Console(stderr=True).print(table(figures))
 
 
+@app.command("train")
+def measure_training(
+    repeats: Annotated[int, typer.Option(min=1, help="of each measurement; the median counts")] = 3,
+    planner: Annotated[str | None, typer.Option(help="URL of a planning service; default: one of its own")] = None,
+) -> None:
+    """Steps per second of training, where the time goes, and what is left of it with a slow planner. A few minutes."""
+    from thinknav_trainer.bench.training import training_figures
+
+    figures = []
+    for figure in training_figures(repeats, planner):
+        sys.stdout.write(figure.line + "\n")
+        sys.stdout.flush()
+        figures.append(figure)
+    Console(stderr=True).print(table(figures))
+
+
 @app.command("soak")
 def soak_simulator(
     minutes: Annotated[float, typer.Option(min=0.1, help="how long")] = 20.0,

@@ -125,7 +125,19 @@ class PlannerClient:
         if len(answers) != len(requests):
             mismatch = ProtocolMismatch(f"the service gave {len(answers)} answers to {len(requests)} requests")
             return [mismatch] * len(requests)
-        return [_checked(request, answer) for request, answer in zip(requests, answers, strict=True)]
+        return [self._checked(request, answer) for request, answer in zip(requests, answers, strict=True)]
+
+    def _checked(self, request: SubgoalRequest, answer: Answer) -> Answer:
+        """The answer, unless it is to something else or its embedding is of another space than was said."""
+        if isinstance(answer, PlannerError):
+            return answer
+        if answer.request_id != request.request_id:
+            return ProtocolMismatch(f"the service answered {answer.request_id[:64]!r} to {request.request_id!r}")
+        if answer.embedding_space not in (None, self._info.embedding_space):
+            return ProtocolMismatch(
+                f"the service embeds in {answer.embedding_space} now, not in {self._info.embedding_space} as before"
+            )
+        return answer
 
     def _embed_body(self, texts: Sequence[str]) -> NDArray[np.float32]:
         reply = self._transport.embed(EmbedRequest(texts=tuple(texts)))
@@ -153,9 +165,3 @@ def _bodies(requests: Sequence[SubgoalRequest], limits: Limits) -> Iterator[list
         size += more_bytes
     if body:
         yield body
-
-
-def _checked(request: SubgoalRequest, answer: Answer) -> Answer:
-    if isinstance(answer, SubgoalReply) and answer.request_id != request.request_id:
-        return ProtocolMismatch(f"the service answered {answer.request_id[:64]!r} to {request.request_id!r}")
-    return answer

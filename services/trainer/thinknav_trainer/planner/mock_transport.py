@@ -98,5 +98,6 @@ def reply_to(
         instructions=(subgoal,) if request.mode == "plan" else (),
         embedding=HashedWords().encode([subgoal])[0],
         planner=info.identity,
+        embedding_space=info.embedding_space,
         timings=Timings(queued=0.0, planned=planned, embedded=0.0),
     )

@@ -1,0 +1,112 @@
+"""Records of evaluated episodes: what they hold, their summary, and the files that keep both.
+
+Knows nothing of how episodes are played.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from thinknav_trainer.config import ConfigError
+from thinknav_trainer.statistics import bootstrap_interval
+
+MEASURES = (
+    "success",
+    "success_paper",
+    "success_viewpoint",
+    "spl",
+    "soft_spl",
+    "sot",
+    "distance_to_goal",
+    "steps",
+    "thinks",
+    "think_rate",
+    "planner_seconds",
+)
+
+# mean, low and high by measure
+Summary = dict[str, dict[str, float]]
+
+
+@dataclass(frozen=True)
+class EpisodeRecord:
+    """One evaluated episode.
+
+    measures: the task's, and those that docs/evaluation.md defines. terms: sums of the reward's.
+    path: (x, y, z, heading) before each step. actions: the steps. thoughts: (step, subgoal) for each reply.
+    first_seen: the first step at which the goal was in view. failure: why it failed (`failures.Cause`), or none.
+    """
+
+    episode_id: str
+    scene: str
+    category: str
+    measures: dict[str, float]
+    terms: dict[str, float]
+    path: list[list[float]]
+    actions: list[int]
+    thoughts: list[tuple[int, str]]
+    first_seen: int | None
+    failure: str | None
+
+
+def summarize(records: Sequence[EpisodeRecord]) -> Summary:
+    """Mean and 95 % bootstrap interval over episodes of each measure and reward term."""
+    columns = {name: [record.measures[name] for record in records] for name in MEASURES}
+    columns |= {f"reward/{name}": [record.terms[name] for record in records] for name in records[0].terms}
+    summary = {}
+    for name, values in columns.items():
+        low, high = bootstrap_interval(values)
+        summary[name] = {"mean": float(np.mean(values)), "low": low, "high": high}
+    return summary
+
+
+def summarize_groups(records: Sequence[EpisodeRecord], key: str) -> dict[str, dict[str, Any]]:
+    """By "category" or "scene": the number of episodes, and the summary of the task's measures."""
+    groups: dict[str, list[EpisodeRecord]] = {}
+    for record in records:
+        groups.setdefault(getattr(record, key), []).append(record)
+    return {
+        name: {"episodes": len(group)}
+        | {measure: row for measure, row in summarize(group).items() if measure in MEASURES}
+        for name, group in sorted(groups.items())
+    }
+
+
+def count_failures(records: Sequence[EpisodeRecord]) -> dict[str, int]:
+    """How many episodes failed for each cause, the commonest first."""
+    return dict(Counter(record.failure for record in records if record.failure is not None).most_common())
+
+
+def write_evaluation(folder: Path, protocol: Mapping[str, Any], records: Sequence[EpisodeRecord]) -> Path:
+    """`result.json` (protocol and summaries) and `episodes.jsonl` (every record) in a folder; the path of the first."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "episodes.jsonl").open("w") as file:
+        file.writelines(json.dumps(asdict(record)) + "\n" for record in records)
+    result = {
+        "protocol": dict(protocol),
+        "summary": summarize(records),
+        "failures": count_failures(records),
+        "by_category": summarize_groups(records, "category"),
+        "by_scene": summarize_groups(records, "scene"),
+    }
+    path = folder / "result.json"
+    path.write_text(json.dumps(result, indent=2) + "\n")
+    return path
+
+
+def read_evaluation(folder: Path) -> tuple[dict[str, Any], list[EpisodeRecord]]:
+    """What `write_evaluation` wrote: result and records. Raises ConfigError for a folder without, or of older form."""
+    try:
+        result: dict[str, Any] = json.loads((folder / "result.json").read_text())
+        lines = (folder / "episodes.jsonl").read_text().splitlines()
+        records = [EpisodeRecord(**json.loads(line)) for line in lines]
+    except OSError as error:
+        raise ConfigError(f"{folder} holds no evaluation: cannot read {error.filename} ({error.strerror})") from None
+    except (json.JSONDecodeError, TypeError) as error:
+        raise ConfigError(f"{folder} holds an evaluation that cannot be read ({error}); evaluate again") from None
+    return result, records

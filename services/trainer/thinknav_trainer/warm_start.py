@@ -1,0 +1,113 @@
+"""A policy's first lessons: it imitates a demonstrator (behaviour cloning), before it learns from rewards.
+
+The demonstrator acts in the run's own envs, with the run's own planner, and its steps count. Meanwhile the policy looks
+on: its LSTM follows what is done, and its critic learns what that is worth, so that PPO does not begin with a critic
+that knows nothing, and unlearn at once what was imitated.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import torch
+
+from thinknav_sim.observations import Observations
+from thinknav_trainer.actor import Actor
+from thinknav_trainer.collector import Collector, timeout_bonus
+from thinknav_trainer.config import PPOConfig, WarmStartConfig
+from thinknav_trainer.demonstrators import Demonstrator
+from thinknav_trainer.policy import Policy, prepare
+from thinknav_trainer.precision import autocast
+from thinknav_trainer.rollout import Rollout
+from thinknav_trainer.thinking import ThinkingEnv
+from thinknav_trainer.thoughts import Thought
+from thinknav_trainer.transitions import TransitionLog, Transitions
+
+
+class Demonstrations:
+    """Rollouts of what a demonstrator does, all envs in lock-step. The episodes count as the collector's."""
+
+    def __init__(
+        self, env: ThinkingEnv, actor: Actor, demonstrator: Demonstrator, collector: Collector, config: PPOConfig
+    ) -> None:
+        self._env = env
+        self._actor = actor
+        self._demonstrator = demonstrator
+        self._collector = collector
+        self._config = config
+        self._observations: Observations = env.reset()
+        self._thoughts: list[Thought] = []
+        actor.forget_everything()
+
+    def collect(self) -> Rollout:
+        """num_steps of each env; the log-probabilities are those that the policy gives to what was done."""
+        log = TransitionLog()
+        stopwatch = self._collector.stopwatch
+        self._collector.thoughts = []
+        for _ in range(self._config.num_steps):
+            with stopwatch("act"):
+                looked = self._actor.decide(self._observations)
+            chosen = self._demonstrator.actions(self._observations, self._thoughts)
+            decision = replace(looked, actions=torch.from_numpy(chosen))
+            with stopwatch("step"):
+                step = self._env.step(chosen)
+            done = step.terminated | step.truncated
+            log.add(
+                Transitions(
+                    envs=np.arange(self._env.num_envs),
+                    observations=self._observations,
+                    hidden=self._actor.hidden,
+                    previous_actions=self._actor.previous.numpy(),
+                    actions=chosen,
+                    log_probs=decision.log_probs.numpy(),
+                    values=decision.values.numpy(),
+                    rewards=step.rewards + timeout_bonus(self._actor, step, decision, self._config.gamma),
+                    done=done,
+                )
+            )
+            self._demonstrator.ended(done)
+            self._actor.advance(decision, done)
+            self._collector.note(step)
+            self._observations = step.observations
+            self._thoughts = [thought for thought in step.thoughts if not done[thought.env]]
+        last = self._actor.values(self._observations, self._actor.previous, self._actor.hidden).numpy()
+        return log.rollout(last, self._config.gamma, self._config.tau, self._config.chunk_length)
+
+
+class Cloner:
+    """Behaviour cloning on recurrent sequences, and the critic's regression to the demonstrator's returns."""
+
+    def __init__(self, policy: Policy, config: WarmStartConfig, ppo: PPOConfig, seed: int) -> None:
+        self._policy = policy
+        self._config = config
+        self._ppo = ppo
+        self._optimizer = torch.optim.Adam(policy.parameters(), lr=config.lr, eps=ppo.adam_eps)
+        self._order = np.random.default_rng((seed, 1))
+
+    def update(self, rollout: Rollout) -> dict[str, float]:
+        """Some epochs over a rollout; means of the losses, and how often the likeliest action was the right one."""
+        with autocast(self._ppo.precision):
+            observations = prepare(rollout.observations)
+        sums = {"cloning_loss": 0.0, "value_loss": 0.0, "cloning_accuracy": 0.0}
+        for _ in range(self._config.epochs):
+            order = self._order.permutation(len(rollout.sequence_starts))
+            for chosen in np.array_split(order, self._ppo.minibatches):
+                transitions, sequences = rollout.select(chosen)
+                with autocast(self._ppo.precision):
+                    logits, values = self._policy.sequence(
+                        {name: rows[transitions] for name, rows in observations.items()},
+                        rollout.previous_actions[transitions],
+                        sequences,
+                    )
+                rows = transitions[sequences.index[sequences.mask]]
+                actions = rollout.actions[rows]
+                cloning_loss = torch.nn.functional.cross_entropy(logits, actions)
+                value_loss = 0.5 * (values - rollout.returns[rows]).square().mean()
+                self._optimizer.zero_grad(set_to_none=True)
+                (cloning_loss + self._ppo.value_coef * value_loss).backward()  # type: ignore[no-untyped-call]
+                torch.nn.utils.clip_grad_norm_(self._policy.parameters(), self._config.max_grad_norm)
+                self._optimizer.step()
+                sums["cloning_loss"] += cloning_loss.item()
+                sums["value_loss"] += value_loss.item()
+                sums["cloning_accuracy"] += (logits.argmax(dim=1) == actions).float().mean().item()
+        batches = self._config.epochs * self._ppo.minibatches
+        return {name: total / batches for name, total in sums.items()}

@@ -1,0 +1,101 @@
+"""Options that several commands share, written once: a section is a function whose parameters are options.
+
+    @app.command()
+    @takes(planner=planner_options)
+    def serve(port: int, *, planner: PlannerOptions) -> None: ...
+
+has the option `--port` and all those of `planner_options`, and is called with what that returns.
+"""
+
+import functools
+import inspect
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from pydantic import ValidationError
+
+from thinknav_proto import describe
+from thinknav_server.hosts.process import ProcessSettings
+from thinknav_server.logs import LogFormat, LogLevel
+from thinknav_server.planners.options import PlannerOptions, ScriptedOptions
+
+_SCRIPTED = ScriptedOptions()
+_PROCESS = ProcessSettings()
+
+
+def takes(**sections: Callable[..., Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """Puts the options of each section in the place of the parameter that bears its name."""
+
+    def decorate(command: Callable[..., None]) -> Callable[..., None]:
+        own = [p for p in inspect.signature(command).parameters.values() if p.name not in sections]
+        names = {name: list(inspect.signature(section).parameters) for name, section in sections.items()}
+
+        @functools.wraps(command)
+        def call(**values: Any) -> None:
+            try:
+                made = {
+                    name: section(**{option: values.pop(option) for option in names[name]})
+                    for name, section in sections.items()
+                }
+            except ValidationError as error:
+                raise refused(describe(error)) from None
+            command(**values, **made)
+
+        options = [p for section in sections.values() for p in inspect.signature(section).parameters.values()]
+        call.__signature__ = inspect.Signature([*own, *options])  # type: ignore[attr-defined]
+        call.__annotations__ = {p.name: p.annotation for p in (*own, *options)}
+        return call
+
+    return decorate
+
+
+def refused(message: str) -> typer.Exit:
+    """Tells the user what is wrong; to be raised."""
+    typer.echo(f"thinknav-server: {message}", err=True)
+    return typer.Exit(1)
+
+
+def planner_options(
+    planner: Annotated[
+        str, typer.Option(help="Who plans: scripted, or one of your own as package.module:factory.")
+    ] = "scripted",
+    argument: Annotated[
+        list[str] | None, typer.Option(metavar="NAME=VALUE", help="For a planner of your own; may be repeated.")
+    ] = None,
+    script: Annotated[Path | None, typer.Option(help="scripted: YAML or JSON file with the sentences.")] = None,
+    latency: Annotated[float, typer.Option(min=0, help="scripted: seconds that each batch takes.")] = _SCRIPTED.latency,
+    failure_rate: Annotated[
+        float, typer.Option(min=0, max=1, help="scripted: share of requests that fail.")
+    ] = _SCRIPTED.failure_rate,
+    seed: Annotated[int, typer.Option(help="scripted: of the failures.")] = _SCRIPTED.seed,
+) -> PlannerOptions:
+    """Which planner, and how."""
+    return PlannerOptions(
+        planner=planner,
+        arguments=_arguments(argument or []),
+        scripted=ScriptedOptions(script=script, latency=latency, failure_rate=failure_rate, seed=seed),
+    )
+
+
+def process_settings(
+    planner_limit: Annotated[
+        float, typer.Option(min=0.001, help="Seconds for a batch, after which the planner's process is replaced.")
+    ] = _PROCESS.limit,
+    load_limit: Annotated[
+        float, typer.Option(min=0.001, help="Seconds that loading the planner may take.")
+    ] = _PROCESS.load_limit,
+    log_level: Annotated[LogLevel, typer.Option(help="How much the log tells.")] = _PROCESS.log_level,
+    log_format: Annotated[LogFormat, typer.Option(help="Lines for people, or JSON.")] = _PROCESS.log_format,
+) -> ProcessSettings:
+    """The planner's process, and the log."""
+    return ProcessSettings(planner_limit, load_limit, log_level, log_format)
+
+
+def _arguments(given: list[str]) -> dict[str, str]:
+    pairs = [argument.partition("=") for argument in given]
+    for name, equals, _ in pairs:
+        if not (name.isidentifier() and equals):
+            raise typer.BadParameter(f"--argument reads name=value, not {name + equals!r}")
+    return {name: value for name, _, value in pairs}

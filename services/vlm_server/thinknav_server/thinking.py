@@ -1,0 +1,75 @@
+"""What is done with a batch of requests: decode the frames, plan, embed the subgoals.
+
+It blocks and knows nothing of queues or processes; `hosts` says where it runs.
+"""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from thinknav_models import TextEncoder
+from thinknav_proto import PlannerError, SubgoalRequest
+from thinknav_server.caller import Trace
+from thinknav_server.images import decode_frame
+from thinknav_server.planners.base import Plan, PlanItem, Planner, View
+from thinknav_server.planners.isolate import plan_each
+
+
+@dataclass(frozen=True)
+class Question:
+    """An admitted request, and the trace it belongs to."""
+
+    request: SubgoalRequest
+    trace: Trace | None = None
+
+
+@dataclass(frozen=True)
+class Thought:
+    """A plan, the embedding (512,) of its first instruction, and the seconds that its batch took for each."""
+
+    plan: Plan
+    embedding: NDArray[np.float32]
+    planned: float
+    embedded: float
+
+
+@dataclass(frozen=True)
+class Thinker:
+    """A planner and the text encoder that embeds what it says."""
+
+    planner: Planner
+    text_encoder: TextEncoder
+
+    def think(self, requests: Sequence[SubgoalRequest]) -> list[Thought | PlannerError]:
+        """An answer for each request; one whose frame is no image, or that the planner chokes on, fails alone."""
+        began = time.perf_counter()
+        items = [decoded(request) for request in requests]
+        plans = iter(plan_each(self.planner, [item for item in items if isinstance(item, PlanItem)]))
+        answers = [next(plans) if isinstance(item, PlanItem) else item for item in items]
+        planned = time.perf_counter()
+        subgoals = [answer.instructions[0] for answer in answers if isinstance(answer, Plan)]
+        embeddings = iter(self.text_encoder.encode(subgoals)) if subgoals else iter(())
+        embedded = time.perf_counter()
+        return [
+            Thought(answer, next(embeddings), planned - began, embedded - planned)
+            if isinstance(answer, Plan)
+            else answer
+            for answer in answers
+        ]
+
+
+def decoded(request: SubgoalRequest) -> PlanItem | PlannerError:
+    """The request with its frames as pixels, or the error in one of them."""
+    try:
+        return PlanItem(
+            frame=decode_frame(request.frame),
+            goal=request.goal,
+            mode=request.mode,
+            recent=tuple(View(decode_frame(frame), frame.heading) for frame in request.recent),
+            temperature=request.temperature,
+        )
+    except PlannerError as error:
+        return error

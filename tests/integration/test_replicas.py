@@ -1,0 +1,245 @@
+"""Replicas that die, freeze, stop and start again, as real processes, asked over both doors at once.
+
+Whatever befalls a replica, each question has one answer, and in time.
+"""
+
+import signal
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thinknav_trainer.planner import (
+    PlannerClient,
+    PlannerError,
+    SubgoalReply,
+    SubgoalRequest,
+    Unavailable,
+    connect,
+    encode_frame,
+)
+
+StartService = Callable[..., tuple[str, "subprocess.Popen[str]"]]
+
+DEADLINE_S = 20.0
+IN_TIME_S = 60.0
+FRAME = encode_frame(np.zeros((16, 16, 3), np.uint8))
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port: int = listener.getsockname()[1]
+        return port
+
+
+class Replica:
+    """A service that says its own name, and can be started again where it was."""
+
+    def __init__(self, start: StartService, folder: Path, name: str, *options: str) -> None:
+        self.name = name
+        self._start = start
+        self._port, self._zenoh_port = free_port(), free_port()
+        script = folder / f"{name}.yaml"
+        script.write_text(f"default: [turn left to {name}]\n")
+        self._options = ("--script", str(script), "--replica", name, *options)
+        self.start()
+
+    @property
+    def http(self) -> str:
+        return f"http://127.0.0.1:{self._port}"
+
+    @property
+    def zenoh(self) -> str:
+        return f"127.0.0.1:{self._zenoh_port}"
+
+    def start(self) -> None:
+        ports = ("--port", str(self._port), "--zenoh", self.zenoh)
+        _, self.process = self._start(*ports, *self._options)
+
+    def kill(self) -> None:
+        self.process.kill()
+        self.process.wait()
+
+
+class Asking:
+    """Many questions under way at once, over several clients."""
+
+    def __init__(self, clients: Sequence[PlannerClient]) -> None:
+        self._clients = clients
+        self._threads = ThreadPoolExecutor(64)
+        self._number = 0
+
+    def begin(self, count: int) -> list["Future[tuple[str, SubgoalReply | PlannerError]]"]:
+        """That many questions to each client."""
+        return [self._threads.submit(self._ask, client) for client in self._clients for _ in range(count)]
+
+    def all_answer(self, names: set[str]) -> bool:
+        """Whether, over each client, all these replicas answer and no others do."""
+        for client in self._clients:
+            answers = [self._ask(client)[1] for _ in range(2 * len(names))]
+            if {who(answer) for answer in answers} != names:
+                return False
+        return True
+
+    def _ask(self, client: PlannerClient) -> tuple[str, SubgoalReply | PlannerError]:
+        self._number += 1
+        name = f"{threading.get_ident()}-{self._number}"
+        request = SubgoalRequest(request_id=name, goal="chair", frame=FRAME, deadline=DEADLINE_S)
+        began = time.monotonic()
+        (answer,) = client.ask([request])
+        assert time.monotonic() - began < DEADLINE_S + 5.0
+        return name, answer
+
+
+def who(answer: SubgoalReply | PlannerError) -> str:
+    return answer.subgoal.removeprefix("turn left to ") if isinstance(answer, SubgoalReply) else repr(answer)
+
+
+def answers_of(asked: Sequence["Future[tuple[str, SubgoalReply | PlannerError]]"]) -> list[str]:
+    """Who answered each question, having made sure that the answer belongs to it."""
+    answers = [future.result(IN_TIME_S) for future in asked]
+    for name, answer in answers:
+        assert isinstance(answer, SubgoalReply), repr(answer)
+        assert answer.request_id == name
+    return [who(answer) for _, answer in answers]
+
+
+def until(true: Callable[[], bool]) -> None:
+    end = time.monotonic() + IN_TIME_S
+    while not true():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.05)
+
+
+@pytest.fixture(scope="module")
+def replicas(
+    start_service: StartService, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[tuple[Replica, Replica, Asking]]:
+    """two joins one, so that whoever finds one finds both."""
+    folder = tmp_path_factory.mktemp("replicas")
+    slow = ("--latency", "0.3", "--max-batch", "4")
+    one = Replica(start_service, folder, "one", *slow)
+    two = Replica(start_service, folder, "two", *slow, "--zenoh-connect", one.zenoh)
+    with connect(f"{one.http},{two.http}") as http, connect(f"zenoh://{one.zenoh},{two.zenoh}") as zenoh:
+        asking = Asking([http, zenoh])
+        until(lambda: asking.all_answer({"one", "two"}))
+        yield one, two, asking
+        for replica in (one, two):
+            if replica.process.poll() is None:
+                replica.process.send_signal(signal.SIGCONT)
+
+
+def test_who_finds_one_finds_all_that_have_joined_it(replicas: tuple[Replica, Replica, Asking]) -> None:
+    one, _, _ = replicas
+    with connect(f"zenoh://{one.zenoh}") as client:
+        until(lambda: Asking([client]).all_answer({"one", "two"}))
+
+
+def test_questions_spread_over_all(replicas: tuple[Replica, Replica, Asking]) -> None:
+    _, _, asking = replicas
+    answers = answers_of(asking.begin(16))
+    assert 12 <= answers.count("one") <= 20
+
+
+def test_one_is_killed_while_it_is_asked(replicas: tuple[Replica, Replica, Asking]) -> None:
+    one, _, asking = replicas
+    asked = asking.begin(16)
+    time.sleep(0.2)  # so that they are under way
+    one.kill()
+    answers = answers_of(asked)
+    assert len(answers) == 32
+    assert answers.count("two") > 16
+    assert set(answers_of(asking.begin(2))) == {"two"}
+    one.start()
+    until(lambda: asking.all_answer({"one", "two"}))
+
+
+def test_one_is_frozen_while_it_is_asked(replicas: tuple[Replica, Replica, Asking]) -> None:
+    _, two, asking = replicas
+    asked = asking.begin(16)
+    time.sleep(0.2)
+    two.process.send_signal(signal.SIGSTOP)
+    try:
+        answers = answers_of(asked)
+        assert answers.count("one") > 16
+        until(lambda: asking.all_answer({"one"}))
+    finally:
+        two.process.send_signal(signal.SIGCONT)
+    until(lambda: asking.all_answer({"one", "two"}))
+
+
+def test_one_is_told_to_stop_while_it_is_asked(replicas: tuple[Replica, Replica, Asking]) -> None:
+    _, two, asking = replicas
+    asked = asking.begin(16)
+    time.sleep(0.2)
+    two.process.terminate()
+    assert len(answers_of(asked)) == 32
+    _, log = two.process.communicate(timeout=IN_TIME_S)
+    assert two.process.returncode == 0
+    assert "Traceback" not in log
+    assert set(answers_of(asking.begin(2))) == {"one"}
+    two.start()
+    until(lambda: asking.all_answer({"one", "two"}))
+
+
+def test_all_are_gone_and_come_back(replicas: tuple[Replica, Replica, Asking]) -> None:
+    one, two, asking = replicas
+    one.kill()
+    two.kill()
+
+    def all_are_told() -> bool:
+        answers = [future.result(IN_TIME_S)[1] for future in asking.begin(2)]
+        return all(isinstance(answer, Unavailable) for answer in answers)
+
+    until(all_are_told)
+    began = time.monotonic()
+    assert all_are_told()
+    assert time.monotonic() - began < DEADLINE_S / 2, "nobody waits while nobody is there"
+    one.start()
+    two.start()
+    until(lambda: asking.all_answer({"one", "two"}))
+
+
+def test_64_clients_ask_while_their_only_service_is_killed_and_restarted(
+    start_service: StartService, tmp_path: Path
+) -> None:
+    lone = Replica(start_service, tmp_path, "lone", "--latency", "0.02")
+    clients = [connect(lone.http) for _ in range(60)] + [connect(f"zenoh://{lone.zenoh}") for _ in range(4)]
+    stop = threading.Event()
+    told: list[list[tuple[str, SubgoalReply | PlannerError]]] = [[] for _ in clients]
+
+    def ask_on(index: int) -> None:
+        alone = Asking([clients[index]])
+        while not stop.wait(0.05):
+            told[index].append(alone._ask(clients[index]))
+
+    threads = [threading.Thread(target=ask_on, args=(index,)) for index in range(len(clients))]
+    for thread in threads:
+        thread.start()
+    try:
+        for _ in range(2):
+            time.sleep(0.5)
+            lone.kill()
+            time.sleep(0.5)
+            lone.start()
+        seen = [len(answers) for answers in told]
+        until(lambda: all(any(who(a) == "lone" for _, a in told[i][seen[i] :]) for i in range(len(clients))))
+    finally:
+        stop.set()
+        for thread in threads:
+            thread.join(IN_TIME_S)
+    assert not any(thread.is_alive() for thread in threads)
+    for client, answers in zip(clients, told, strict=True):
+        replies = [(name, answer) for name, answer in answers if isinstance(answer, SubgoalReply)]
+        assert all(answer.request_id == name for name, answer in replies)
+        failures = [answer for _, answer in answers if isinstance(answer, PlannerError)]
+        assert all(isinstance(failure, Unavailable) for failure in failures), failures
+        assert (client.counts.answered, client.counts.failed) == (len(replies), len(failures))
+        client.close()
+    assert sum(isinstance(answer, Unavailable) for answers in told for _, answer in answers) > 0
