@@ -4,7 +4,6 @@ Threads are numba's: `numba.set_num_threads` and NUMBA_NUM_THREADS say how many 
 """
 
 import functools
-import threading
 from types import TracebackType
 from typing import Self
 
@@ -19,14 +18,12 @@ from thinknav_sim.render.embree_library import PACKET_WIDTHS, EmbreeDevice, Embr
 from thinknav_sim.render.known_answer import check_known_answer
 from thinknav_sim.render.renderer import Hits
 from thinknav_sim.render.textures import pack_textures
+from thinknav_sim.render.threads import PARALLEL_REGION
 from thinknav_sim.scene import Scene
 
 # RTCRayQueryFlags, the first word of RTCIntersectArguments, and RTC_FEATURE_FLAG_ALL, the second.
 _INCOHERENT, _COHERENT = 0, 1 << 16
 _ALL_FEATURES = 0xFFFFFFFF
-
-# Numba's last-resort threading layer aborts the process when two threads enter it at once.
-_PARALLEL_REGION = threading.Lock()
 
 
 class _BuiltScene:
@@ -84,7 +81,7 @@ class EmbreeRenderer:
         depth = np.empty((len(ids), camera.height, camera.width, 1), np.float32)
         packets = packet_scratch(numba.get_num_threads(), self.packet_width)
         lens = (1 / camera.focal_length, float(camera.elevation))
-        with _PARALLEL_REGION:
+        with PARALLEL_REGION:
             draw_views(
                 self._intersect,
                 self._coherent.ctypes.data,
@@ -104,7 +101,7 @@ class EmbreeRenderer:
         hits = Hits(np.empty(len(starts), np.float32), np.empty(len(starts), np.int32))
         packets = packet_scratch(numba.get_num_threads(), self.packet_width)
         arguments = self._incoherent.ctypes.data
-        with _PARALLEL_REGION:
+        with PARALLEL_REGION:
             cast_rays(
                 self._intersect,
                 arguments,

@@ -1,0 +1,113 @@
+"""The renderer for CPUs that draws triangles instead of casting rays: a z-buffer, by compiled loops.
+
+Homes are made of few, large triangles, and a row of one's pixels takes a few instructions where each ray takes
+hundreds. What rays are asked for, another renderer casts. Knows nothing of tasks. Threads are numba's.
+"""
+
+import functools
+from types import TracebackType
+from typing import Self
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+from thinknav_sim.render.arguments import SceneTable, check_views
+from thinknav_sim.render.camera import Camera
+from thinknav_sim.render.known_answer import check_known_answer
+from thinknav_sim.render.raster_clusters import cluster
+from thinknav_sim.render.raster_kernels import draw_views
+from thinknav_sim.render.renderer import Hits, Renderer
+from thinknav_sim.render.threads import PARALLEL_REGION
+from thinknav_sim.scene import Scene
+
+
+class _Clustered:
+    """A scene as the kernels want it, and as the caster of rays knows it from the first ray on."""
+
+    def __init__(self, scene: Scene, caster: Renderer) -> None:
+        self._scene = scene
+        self._caster = caster
+        self._clusters = cluster(scene)
+        self.kernel_row = self._clusters.kernel_row
+        self.places = self._clusters.corners.shape[0] * self._clusters.corners.shape[2]
+
+    @functools.cached_property
+    def caster_id(self) -> int:
+        return self._caster.add_scene(self._scene)
+
+    def remove(self) -> None:
+        if "caster_id" in vars(self):
+            self._caster.remove_scene(self.caster_id)
+
+
+class RasterRenderer:
+    """Draws on the CPU by rasterising; see `Renderer` for what its methods take and give.
+
+    caster: casts the rays, and is closed with this renderer.
+
+    Raises RendererUnavailable when it does not give a known scene's known answer.
+    """
+
+    def __init__(self, caster: Renderer) -> None:
+        self.caster = caster
+        self._scenes = SceneTable[_Clustered]()
+        self._closed = False
+        self._keys = np.empty((0, 0, 0), np.int64)
+        self._planes = (np.empty((0, 0, 9), np.float32), np.empty((0, 0), np.int32))
+        check_known_answer(self)
+
+    def add_scene(self, scene: Scene) -> int:
+        """See `Renderer.add_scene`."""
+        if self._closed:
+            raise RuntimeError("the renderer is closed")
+        return self._scenes.add(_Clustered(scene, self.caster))
+
+    def remove_scene(self, scene_id: int) -> None:
+        """See `Renderer.remove_scene`."""
+        self._scenes.remove(scene_id).remove()
+
+    def render(
+        self, scene_ids: NDArray[np.int64], poses: NDArray[np.float64], camera: Camera
+    ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
+        """See `Renderer.render`."""
+        ids, places = check_views(scene_ids, poses)
+        drawn = [self._scenes[scene_id] for scene_id in ids.tolist()]
+        rows = np.array([scene.kernel_row for scene in drawn], np.int64).reshape(-1, 14)
+        rgb = np.empty((len(ids), camera.height, camera.width, 3), np.uint8)
+        depth = np.empty((len(ids), camera.height, camera.width, 1), np.float32)
+        if not drawn:
+            return rgb, depth
+        threads = numba.get_num_threads()
+        bands = min(-(-threads // len(ids)), camera.height)
+        self._make_room((threads, -(-camera.height // bands), camera.width), max(scene.places for scene in drawn))
+        lens = (1 / camera.focal_length, float(camera.elevation))
+        with PARALLEL_REGION:
+            draw_views(rows, places, lens, bands, self._keys, self._planes, rgb, depth.reshape(rgb.shape[:3]))
+        return rgb, depth
+
+    def cast(self, scene_id: int, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Hits:
+        """See `Renderer.cast`."""
+        return self.caster.cast(self._scenes[scene_id].caster_id, origins, directions)
+
+    def close(self) -> None:
+        """See `Renderer.close`."""
+        self._closed = True
+        self._scenes.clear()
+        self.caster.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _make_room(self, shape: tuple[int, int, int], places: int) -> None:
+        """Scratch memory for keys of a shape and the planes of so many triangles, kept from call to call."""
+        if self._keys.shape != shape:
+            self._keys = np.empty(shape, np.int64)
+        if self._planes[1].shape[0] != shape[0] or self._planes[1].shape[1] <= places:
+            size = (shape[0], places + 1)
+            self._planes = (np.empty((*size, 9), np.float32), np.empty(size, np.int32))
