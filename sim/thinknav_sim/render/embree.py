@@ -32,15 +32,26 @@ class _BuiltScene:
     def __init__(self, device: EmbreeDevice, scene: Scene) -> None:
         self._device = device
         self._scene = scene
-        self._picture = device.build(scene, robust=False)
-        # The colours of a triangle's corners stand side by side for the cache's sake.
-        self._surface: Surface = (scene.colors[scene.triangles], *pack_textures(scene))
-        self.kernel_row = (self._picture.handle, *surface_row(self._surface))
+
+    @functools.cached_property
+    def picture(self) -> EmbreeScene:
+        """Built when first drawn. It loses one pixel in millions, and saves time."""
+        return self._device.build(self._scene, robust=False)
 
     @functools.cached_property
     def watertight(self) -> EmbreeScene:
-        """Built when first cast at. Pictures do without: they lose one pixel in millions, and save time."""
+        """Built when first cast at."""
         return self._device.build(self._scene, robust=True)
+
+    @functools.cached_property
+    def _surface(self) -> Surface:
+        # The colours of a triangle's corners stand side by side for the cache's sake.
+        return (self._scene.colors[self._scene.triangles], *pack_textures(self._scene))
+
+    @functools.cached_property
+    def kernel_row(self) -> tuple[int, ...]:
+        """What `draw_views` takes: the scene's handle, addresses and lengths."""
+        return (self.picture.handle, *surface_row(self._surface))
 
 
 class EmbreeRenderer:
@@ -65,6 +76,7 @@ class EmbreeRenderer:
 
     def add_scene(self, scene: Scene) -> int:
         """See `Renderer.add_scene`."""
+        self._device.check_open()
         return self._scenes.add(_BuiltScene(self._device, scene))
 
     def remove_scene(self, scene_id: int) -> None:

@@ -17,7 +17,7 @@ from thinknav_sim.render.raster_shading import Planes, shade, write_plane
 # Pixels a side of the squares whose farthest pixel is remembered: what lies behind all of a square's is not drawn.
 TILE = 8
 # How many clusters are drawn between two looks at which squares are covered.
-_CLUSTERS_A_LOOK = 16
+_CLUSTERS_A_LOOK = 32
 # A cluster nearer than this, metres, may reach round the camera: all of the picture.
 _TOO_NEAR = 1e-3
 # Rounding in a pixel's depth, as a share of it.
@@ -44,9 +44,7 @@ def _key(inverse_depth: float, number: int) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _box_on_picture(
-    box: NDArray[np.float32], view: View, window: Window, rectangle: NDArray[np.int64]
-) -> float:
+def _box_on_picture(box: NDArray[np.float32], view: View, window: Window, rectangle: NDArray[np.int64]) -> float:
     """How far ahead a box begins, metres, or -1 where it is not in the picture. rectangle: the pixels it may cover."""
     left, right, nearest, farthest = np.inf, -np.inf, np.inf, -np.inf
     for corner in range(4):

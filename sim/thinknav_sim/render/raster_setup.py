@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from thinknav_sim.render.native_call import array_at
 from thinknav_sim.render.raster_clusters import CLUSTER
 
-# Rows of the arrays that `prepare_cluster` writes, one column a triangle. The line of an edge: a x + b y + c >= 0 on the
-# inner side at column x and row y of the picture, and -1 / a, which is below 0 for an edge on the left.
+# Rows of the arrays that `prepare_cluster` writes, one column a triangle. The line of an edge: a x + b y + c >= 0 on
+# the inner side at column x and row y of the picture, and -1 / a, which is below 0 for an edge on the left.
 LINE, CROSSING = 0, 9
 # The inverse of the depth: a x + b y + c, and the least and greatest that a corner has.
 PLANE, FARTHEST, NEAREST = 12, 15, 16
@@ -36,7 +36,8 @@ _FAR_OFF = 1e30
 Vector = tuple[float, float, float]
 # Least and greatest x, least and greatest y.
 Bounds = tuple[float, float, float, float]
-# The camera's x, y, z; sine and cosine of its heading; the width of a pixel at 1 m; the picture's middle, column and row.
+# The camera's x, y, z; sine and cosine of its heading; the width of a pixel at 1 m; the column and row of the picture's
+# middle.
 View = tuple[float, float, float, float, float, float, float, float]
 # First and last column, first and last row.
 Window = tuple[float, float, float, float]

@@ -32,11 +32,15 @@ def make_renderer(name: str = "auto") -> Renderer:
 
 
 def _rasteriser() -> Renderer:
+    return RasterRenderer(_caster())
+
+
+def _caster() -> Renderer:
     try:
-        return RasterRenderer(EmbreeRenderer())
+        return EmbreeRenderer()
     except RendererUnavailable as error:
         _warn_of_fallback(str(error))
-        return RasterRenderer(Open3DRenderer())
+        return Open3DRenderer()
 
 
 @functools.cache

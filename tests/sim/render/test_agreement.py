@@ -1,4 +1,7 @@
-"""The rasteriser, Embree and Warp held to Open3D, which shares no code with it past the arguments: the same picture from any pose."""
+"""The rasteriser, Embree and Warp held to Open3D: the same picture from any pose.
+
+Open3D shares no code with them past the arguments.
+"""
 
 from collections.abc import Callable, Iterator
 
