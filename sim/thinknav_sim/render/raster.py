@@ -18,7 +18,7 @@ from thinknav_sim.render.camera import Camera
 from thinknav_sim.render.known_answer import check_known_answer
 from thinknav_sim.render.picture_memory import PictureMemory
 from thinknav_sim.render.raster_clusters import Clusters, cluster
-from thinknav_sim.render.raster_kernels import draw_views
+from thinknav_sim.render.raster_kernels import SPAN, draw_views
 from thinknav_sim.render.renderer import Hits, Renderer
 from thinknav_sim.render.threads import PARALLEL_REGION
 from thinknav_sim.scene import Scene
@@ -141,7 +141,7 @@ class RasterRenderer:
         # Where there are fewer views than threads, several share a view.
         bands = min(-(-threads // len(scenes)), camera.height)
         places = max(len(clusters.colors) for clusters in scenes)
-        self._make_room((threads, -(-camera.height // bands), camera.width), places)
+        self._make_room((threads, -(-camera.height // bands), camera.width + SPAN), places)
         lens = (1 / camera.focal_length, float(camera.elevation))
         with PARALLEL_REGION:
             draw_views(rows, poses, lens, bands, self._keys, self._planes, rgb, depth.reshape(rgb.shape[:3]))

@@ -16,6 +16,9 @@ from thinknav_sim.render.raster_shading import Planes, shade, write_plane
 
 # Pixels a side of the squares whose farthest pixel is remembered: what lies behind all of a square's is not drawn.
 TILE = 8
+# Pixels drawn at once: two AVX-512 instructions' numbers. The last span of a row of a triangle reaches past its end, and
+# raises nothing there.
+SPAN = 16
 # How many clusters are drawn between two looks at which squares are covered.
 _CLUSTERS_A_LOOK = 32
 # A cluster nearer than this, metres, may reach round the camera: all of the picture.
@@ -70,15 +73,16 @@ def _box_on_picture(box: NDArray[np.float32], view: View, window: Window, rectan
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _look_at_tiles(keys: NDArray[np.int64], farthest: NDArray[np.int64]) -> None:
-    """Write the least key of each square of pixels. keys: (rows, columns)."""
+    """Write the least key of each square of pixels. keys: (rows, W + SPAN)."""
+    width = keys.shape[1] - SPAN
     least = np.empty((farthest.shape[1], TILE), np.int64)
     flat = least.reshape(-1)
     for tile_row in range(len(farthest)):
         # Where the last square is not whole, columns that are not there count for nothing.
         least[:] = _UNDRAWN
         for y in range(tile_row * TILE, min(len(keys), tile_row * TILE + TILE)):
-            line = keys[y]
-            for x in range(len(line)):
+            line = keys[y, :width]
+            for x in range(width):
                 flat[x] = min(flat[x], line[x])
         for tile in range(farthest.shape[1]):
             lowest = least[tile, 0]
@@ -104,7 +108,7 @@ def _is_covered(
 def _draw_triangle(
     prepared: NDArray[np.float64], column: int, number: int, keys: NDArray[np.int64], first_row: int
 ) -> None:
-    """Raise the keys of the pixels in a triangle. keys: rows of the picture from first_row on."""
+    """Raise the keys of the pixels in a triangle. keys: (rows, W + SPAN), rows of the picture from first_row on."""
     a, b = row.PLANE, row.PLANE + 1
     step, slope, start = prepared[a, column], prepared[b, column], prepared[b + 1, column]
     least, greatest = np.float32(prepared[row.FARTHEST, column]), np.float32(prepared[row.NEAREST, column])
@@ -126,12 +130,14 @@ def _draw_triangle(
         # Too far apart for integers, too.
         if not begin <= end:
             continue
-        first = int(np.ceil(begin))
-        span = keys[y - first_row, first : int(np.floor(end)) + 1]
+        first, last = int(np.ceil(begin)), int(np.floor(end))
         inverse = np.float32(step * first + slope * y + start)
-        for i in range(len(span)):
-            here = min(max(inverse + rise * np.float32(i), least), greatest)
-            span[i] = max(span[i], _key(here, number))
+        for left_end in range(first, last + 1, SPAN):
+            span = keys[y - first_row, left_end : left_end + SPAN]
+            at_left = inverse + rise * np.float32(left_end - first)
+            for i in range(SPAN):
+                here = min(max(at_left + rise * np.float32(i), least), greatest)
+                span[i] = max(span[i], _key(here, number) if left_end + i <= last else 0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -164,7 +170,7 @@ def _draw_rows(
     keys: NDArray[np.int64],
     planes: Planes,
 ) -> None:
-    """Draw the triangles of a view's rows into keys, (rows, W), and write the planes of those that may show.
+    """Draw the triangles of a view's rows into keys, (rows, W + SPAN), and write the planes of those that may show.
 
     Number 0 is nothing's: its plane is black.
     """
@@ -173,7 +179,7 @@ def _draw_rows(
     planes[0][0] = 0
     planes[1][0] = -1
     first_row = int(window[2])
-    farthest = np.zeros(((keys.shape[0] + TILE - 1) // TILE, (keys.shape[1] + TILE - 1) // TILE), np.int64)
+    farthest = np.zeros(((keys.shape[0] + TILE - 1) // TILE, (keys.shape[1] - SPAN + TILE - 1) // TILE), np.int64)
     rectangles = np.empty((len(boxes), 4), np.int64)
     prepared = np.empty((row.ROWS, CLUSTER), np.float64)
     visible, ahead = visible_clusters(boxes, view, window, rectangles)
@@ -242,7 +248,7 @@ def draw_views(
 
     scenes: (N, 14) int64, addresses and lengths of a view's Clusters. poses: (N, 4) float64.
     camera: the width of a pixel on a plane at 1 m, and the elevation, metres.
-    keys: (threads, rows of a band, W). planes: (threads, triangles + 1, 9) and (threads, triangles + 1): see `Planes`.
+    keys: (threads, rows of a band, W + SPAN). planes: (threads, triangles + 1, 9) and (threads, triangles + 1): see `Planes`.
     rgb (N, H, W, 3) uint8 and depth (N, H, W) float32 are written.
     """
     views, height, width = depth.shape

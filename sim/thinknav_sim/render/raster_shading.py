@@ -112,8 +112,8 @@ def shade(
     rgb: NDArray[np.uint8],
     depth: NDArray[np.float32],
 ) -> None:
-    """Write rgb (rows, W, 3) and depth (rows, W) of the picture from first_row on. keys: (rows, W)."""
-    height, width = keys.shape
+    """Write rgb (rows, W, 3) and depth (rows, W) of the picture from first_row on. keys: (rows, W or more)."""
+    height, width = depth.shape
     runs = (width + _RUN - 1) // _RUN
     numbers, depths = np.zeros((runs, _RUN), np.uint32), np.zeros((runs, _RUN), np.float32)
     values = np.empty((3, runs, _RUN), np.float32)
