@@ -158,7 +158,8 @@ def test_memory_is_used_again_once_nobody_looks_at_it() -> None:
     first[:], other[:] = 7, 1.5
     address, look = first.ctypes.data, first[1, :, ::2]
     del first
-    assert memory.empty((24,), np.uint8).ctypes.data != address
+    between = memory.empty((24,), np.uint8)
+    assert between.ctypes.data != address
     assert (look == 7).all()
     del look
     again = memory.empty((4, 6), np.uint8)
