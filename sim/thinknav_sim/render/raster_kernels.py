@@ -16,8 +16,8 @@ from thinknav_sim.render.raster_shading import Planes, shade, write_plane
 
 # Pixels a side of the squares whose farthest pixel is remembered: what lies behind all of a square's is not drawn.
 TILE = 8
-# Pixels drawn at once: two AVX-512 instructions' numbers. The last span of a row of a triangle reaches past its end, and
-# raises nothing there.
+# Pixels drawn at once: two AVX-512 instructions' numbers. The last span of a row of a triangle reaches past its end,
+# and raises nothing there.
 SPAN = 16
 # How many clusters are drawn between two looks at which squares are covered.
 _CLUSTERS_A_LOOK = 32
@@ -248,7 +248,8 @@ def draw_views(
 
     scenes: (N, 14) int64, addresses and lengths of a view's Clusters. poses: (N, 4) float64.
     camera: the width of a pixel on a plane at 1 m, and the elevation, metres.
-    keys: (threads, rows of a band, W + SPAN). planes: (threads, triangles + 1, 9) and (threads, triangles + 1): see `Planes`.
+    keys: (threads, band's rows, W + SPAN).
+    planes: (threads, triangles + 1, 9) and (threads, triangles + 1): see `Planes`
     rgb (N, H, W, 3) uint8 and depth (N, H, W) float32 are written.
     """
     views, height, width = depth.shape
