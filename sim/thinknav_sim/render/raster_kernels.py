@@ -1,3 +1,4 @@
+# mypy: disable-error-code="assignment, arg-type"
 """Compiled loops of the z-buffer rasteriser: which clusters a view needs, nearest first, and their triangles' pixels.
 
 A pixel holds one number: the bits of the inverse of the depth, and below them which triangle it is. The larger number
@@ -16,8 +17,7 @@ from thinknav_sim.render.raster_shading import Planes, shade, write_plane
 
 # Pixels a side of the squares whose farthest pixel is remembered: what lies behind all of a square's is not drawn.
 TILE = 8
-# Pixels drawn at once: two AVX-512 instructions' numbers. The last span of a row of a triangle reaches past its end,
-# and raises nothing there.
+# Pixels to be drawn at once. A row's last span reaches past its end, but raises nothing there.
 SPAN = 16
 # How many clusters are drawn between two looks at which squares are covered.
 _CLUSTERS_A_LOOK = 32
