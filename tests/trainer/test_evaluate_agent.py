@@ -85,7 +85,7 @@ def test_a_planner_of_our_own_process_is_asked_in_batches(smoke: TrainConfig) ->
     assert max(sizes) == 4
     assert len(records) == protocol["episodes"] == 4
     assert protocol["planner"] == "mock@0"
-    assert protocol["homes"] == "val:0-1"
+    assert protocol["split"] == "val:0-1"
     assert protocol["obedience"] == {"turns": 1, "forwards": 1, "stop_gate": 0.8, "looks": 2}
 
 

@@ -17,7 +17,7 @@ from thinknav_sim.episodes import EpisodeError
 from thinknav_sim.render import RendererUnavailable
 from thinknav_sim.scene import SceneError
 from thinknav_trainer.checkpoint import CheckpointError
-from thinknav_trainer.commands import bench, episodes, evaluate, homes, scenes
+from thinknav_trainer.commands import bench, compare, episodes, evaluate, homes, scenes
 from thinknav_trainer.config import ConfigError, change_config, load_config, presets
 from thinknav_trainer.demo import run_demo
 from thinknav_trainer.dumps import TrainingDiverged
@@ -44,6 +44,7 @@ app.add_typer(homes.app, name="homes")
 app.add_typer(bench.app, name="bench")
 app.add_typer(scenes.app, name="scenes")
 app.command("eval")(evaluate.evaluate)
+app.command("compare")(compare.compare_runs)
 
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="e.g. --set ppo.lr=1e-4")]
 Preset = Annotated[str, typer.Option(help=f"one of: {', '.join(presets())}")]
