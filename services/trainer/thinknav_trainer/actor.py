@@ -18,12 +18,17 @@ NO_ACTION = -1
 
 @dataclass(frozen=True)
 class Decision:
-    """What N agents do. actions: (N,) int64. log_probs, values: (N,). hidden: the state after it, (2, layers, N, H)."""
+    """What N agents do, and what they saw when they chose it.
+
+    actions: (N,) int64. log_probs, values: (N,). hidden: the state after it, (2, layers, N, H). looked: what the policy
+    keeps of the observations, name -> (N, ...).
+    """
 
     actions: Tensor
     log_probs: Tensor
     values: Tensor
     hidden: Tensor
+    looked: dict[str, Tensor]
 
 
 class Actor:
@@ -43,18 +48,18 @@ class Actor:
     @torch.no_grad()
     def decide(self, observations: Mapping[str, NDArray[Any]]) -> Decision:
         """Choose the next actions."""
-        logits, values, hidden = self._forward(observations, self.previous, self.hidden)
+        looked, logits, values, hidden = self._forward(observations, self.previous, self.hidden)
         log_probs = logits.log_softmax(dim=1)
         if self._greedy:
             actions = log_probs.argmax(dim=1, keepdim=True)
         else:
             actions = torch.multinomial(log_probs.exp(), 1, generator=self._generator)
-        return Decision(actions[:, 0], log_probs.gather(1, actions)[:, 0], values, hidden)
+        return Decision(actions[:, 0], log_probs.gather(1, actions)[:, 0], values, hidden, looked)
 
     @torch.no_grad()
     def values(self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor) -> Tensor:
         """What observations are worth, without acting on them."""
-        return self._forward(observations, previous, hidden)[1]
+        return self._forward(observations, previous, hidden)[2]
 
     def advance(self, decision: Decision, done: NDArray[np.bool_]) -> None:
         """The actions were taken; where an episode ended, forget it."""
@@ -64,11 +69,12 @@ class Actor:
 
     def _forward(
         self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor
-    ) -> tuple[Tensor, Tensor, Tensor]:
+    ) -> tuple[dict[str, Tensor], Tensor, Tensor, Tensor]:
         tensors = {name: torch.from_numpy(values) for name, values in observations.items()}
         # The products of one step are small: a second thread would cost more in waiting than it gives.
         with autocast(self._precision), torch_threads(1):
-            return self._policy.step(tensors, previous, hidden)
+            looked = self._policy.look(tensors)
+            return looked, *self._policy.step(looked, previous, hidden)
 
     def state_dict(self) -> dict[str, Any]:
         return {"previous": self.previous, "hidden": self.hidden, "generator": self._generator.get_state()}
