@@ -3,6 +3,6 @@
 The text half needs NumPy alone. The image half is in `image` and needs torch, so that it is imported apart.
 """
 
-from thinknav_models.clip.text import ClipTextEncoder
+from thinknav_models.clip.text import ClipTextEncoder, shipped_text_encoder
 
-__all__ = ["ClipTextEncoder"]
+__all__ = ["ClipTextEncoder", "shipped_text_encoder"]

@@ -1,4 +1,4 @@
-"""The image half of the small CLIP: nine convolutions and a projection, on a CPU, in bfloat16 where that is fast.
+"""The image half of the small CLIP: seven convolutions and a projection, on a CPU, in bfloat16 where that is fast.
 
 Besides the embedding it gives the features that the embedding is made of. They keep their place in the picture, 4 by 4,
 which the embedding blurs and a robot steers by.
@@ -57,28 +57,29 @@ class ClipImageEncoder:
         """
         if not len(frames):
             return torch.empty((0, self.feature_size), dtype=torch.float16)
-        return torch.cat([self._features(chunk) for chunk in torch.split(frames, _CHUNK)])
+        with torch.autocast("cpu", enabled=False):
+            return torch.cat([self._features(chunk) for chunk in torch.split(frames, _CHUNK)])
 
     @torch.no_grad()
     def embed(self, features: Tensor) -> Tensor:
         """Features (N, feature_size) to embeddings (N, 512) float32, each of length 1."""
-        return functional.normalize(features.float() @ self._projection + self._offset)
+        with torch.autocast("cpu", enabled=False):
+            return functional.normalize(features.float() @ self._projection + self._offset)
 
     def encode(self, frames: Tensor) -> Tensor:
         """Frames (N, H, W, 3) uint8 to embeddings (N, 512) float32, each of length 1."""
         return self.embed(self.features(frames))
 
     def _features(self, frames: Tensor) -> Tensor:
-        with torch.autocast("cpu", enabled=False):
-            x = resampled(frames).to(self._dtype)
-            last = len(self._kernels) - 1
-            for index, (kernel, bias) in enumerate(zip(self._kernels, self._biases, strict=True)):
-                padding = STEM_PADDING if index == 0 else kernel.shape[2] // 2
-                x = functional.conv2d(x, kernel, bias, self._strides[index], padding)
-                if index < last:
-                    x = x.relu_()
-            # Half precision ends at 65,504; features lie within some tens.
-            return x.flatten(1).to(torch.float16)
+        x = resampled(frames).to(self._dtype)
+        last = len(self._kernels) - 1
+        for index, (kernel, bias) in enumerate(zip(self._kernels, self._biases, strict=True)):
+            padding = STEM_PADDING if index == 0 else kernel.shape[2] // 2
+            x = functional.conv2d(x, kernel, bias, self._strides[index], padding)
+            if index < last:
+                x = x.relu_()
+        # Half precision ends at 65,504; features lie within some tens.
+        return x.flatten(1).to(torch.float16)
 
     @staticmethod
     def _tensor(weights: Weights, name: str, dtype: torch.dtype) -> Tensor:

@@ -3,6 +3,7 @@
 A text's embedding depends on that text alone, to the last bit, whatever texts it is embedded together with.
 """
 
+import functools
 import math
 import threading
 from collections.abc import Mapping, Sequence
@@ -70,6 +71,12 @@ class ClipTextEncoder:
         for row, text in enumerate(texts):
             embeddings[row] = known[text]
         return embeddings
+
+
+@functools.cache
+def shipped_text_encoder() -> ClipTextEncoder:
+    """The one encoder of the shipped weights that a process shares. Raises WeightsError."""
+    return ClipTextEncoder.load()
 
 
 class TextNetwork:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from thinknav_models.clip import ClipTextEncoder
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_sim.render import set_render_threads
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
@@ -126,7 +126,7 @@ def require_shared_space(config: TrainConfig, planner: PlannerClient | None) -> 
     """Refuse a policy that sees through one CLIP and reads the thoughts of another. Raises EmbeddingSpaceError."""
     if planner is None or config.policy.image_encoder != "clip":
         return
-    own = ClipTextEncoder.load().space
+    own = shipped_text_encoder().space
     if planner.info.embedding_space != str(own):
         raise EmbeddingSpaceError(
             f"the policy's image encoder is of embedding space {own}, the service's text encoder of "

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 from pydantic import ValidationError
 
-from thinknav_models import HashedWords
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import describe
 from thinknav_server.http import create_app
 from thinknav_server.planners import Planner, Script, ScriptedPlanner, load_script
@@ -75,7 +75,8 @@ def serve(
     logging.basicConfig(level=log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     try:
         settings = Settings(max_batch=max_batch, max_wait=max_wait, queue_size=queue_size)
-        service = PlanningService(_planner(planner, script, latency, failure_rate, seed), HashedWords(), settings)
+        planning = _planner(planner, script, latency, failure_rate, seed)
+        service = PlanningService(planning, shipped_text_encoder(), settings)
         listener = bind(host, port)
     except ValidationError as error:
         raise _refused(describe(error)) from None

@@ -120,7 +120,7 @@ SUBGOALS: dict[Direction, tuple[str, ...]] = {
         "stop, you have reached the {}",
         "you have arrived at the {}, stop",
         "halt, the {} is within reach",
-        "the {} is right in front, stop",
+        "stop, the {} is right in front",
         "stop in front of the {}",
         "you are at the {}, stop now",
         "stop beside the {}",
@@ -185,7 +185,7 @@ def describe_falsely(seen: Scenery, random: Random) -> str:
     A frame without anything to be wrong about is said to hold what it does not.
     """
     facts = _facts(seen, random, 2)
-    places = {_place(fact) for fact in (*seen.sights, *seen.ways)}
+    places = {*map(_place, seen.sights), *map(_place, seen.ways)}
     flipped = [_flipped(fact) for fact in facts]
     if random.random() < 0.6 and any(_place(fact) not in places for fact in flipped):
         return _description(flipped, seen, random)
