@@ -88,7 +88,12 @@ class ThinkConfig(Section):
 class PolicyConfig(Section):
     """The recurrent actor-critic network."""
 
-    channels: tuple[int, int, int] = Field((16, 32, 32), description="channels of the visual encoder's convolutions")
+    image_encoder: Literal["clip", "learnt"] = Field(
+        "learnt",
+        description="clip: the embedded CLIP sees the RGB, frozen, and small convolutions learn to see the depth; "
+        "learnt: convolutions learn to see the RGB-D",
+    )
+    channels: tuple[int, int, int] = Field((16, 32, 32), description="learnt: channels of the convolutions")
     visual_size: int = Field(256, ge=1, description="width of the visual features")
     thought_size: int = Field(64, ge=1, description="width of the thought after its linear layer")
     hidden_size: int = Field(256, ge=1, description="width of the LSTM")

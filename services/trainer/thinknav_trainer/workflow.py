@@ -15,7 +15,7 @@ from thinknav_trainer.policy import Policy
 from thinknav_trainer.recording import Recording
 from thinknav_trainer.run import Run, RunError, list_checkpoints, newest_checkpoint, read_config
 from thinknav_trainer.scenes import Homes, make_homes
-from thinknav_trainer.train import action_space, embedding_space, observation_shape, train
+from thinknav_trainer.train import action_space, embedding_space, observation_shape, require_shared_space, train
 
 logger = logging.getLogger(__name__)
 
@@ -28,14 +28,17 @@ FIXED = ("seed", "num_envs", "scenes", "env", "policy")
 def connect_if_thinking(config: TrainConfig, stack: ExitStack) -> PlannerClient | None:
     """The planner that a configuration needs, closed with the stack; None for a policy that never thinks.
 
-    Raises ConfigError when it cannot be used: which planner there is, is the user's to say.
+    Raises ConfigError when it cannot be used: which planner there is, is the user's to say; EmbeddingSpaceError when
+    the policy cannot read its thoughts.
     """
     if config.think.strategy == "never":
         return None
     try:
-        return stack.enter_context(connect(config.planner))
+        planner = stack.enter_context(connect(config.planner))
     except PlannerError as error:
         raise ConfigError(str(error)) from None
+    require_shared_space(config, planner)
+    return planner
 
 
 def train_run(

@@ -1,0 +1,1 @@
+"""How the embedded networks are made: frames of homes, what is said about them, and the training on both."""
