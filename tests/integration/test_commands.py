@@ -114,7 +114,7 @@ def test_a_checkpoint_of_another_embedding_space_is_refused(trained: Path, plann
     foreign.save(trained / "foreign.pt")
     process = thinknav(trained, "eval", "foreign.pt", "--planner", planning_service)
     assert process.returncode == 2
-    assert "clip-vit-b32@0123, the planner here gives hashed-words@" in one_line(process)
+    assert "clip-vit-b32@0123, the planner here gives thinknav-clip@" in one_line(process)
 
 
 def test_a_run_is_not_overwritten(trained: Path, planning_service: str) -> None:

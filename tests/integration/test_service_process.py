@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from thinknav_models import HashedWords
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_trainer.planner import (
     DeadlineExceeded,
     Frame,
@@ -49,7 +49,7 @@ def test_subgoals_for_many_frames(planning_service: str) -> None:
         replies = [answer for answer in answers if isinstance(answer, SubgoalReply)]
         assert [reply.request_id for reply in replies] == [str(seed) for seed in range(80)]
         assert len({reply.subgoal for reply in replies}) > 3
-        expected = HashedWords().encode([reply.subgoal for reply in replies])
+        expected = shipped_text_encoder().encode([reply.subgoal for reply in replies])
         np.testing.assert_array_equal(np.stack([reply.embedding for reply in replies]), expected)
         again = planner.ask(asked)
         assert [r.subgoal for r in again if isinstance(r, SubgoalReply)] == [r.subgoal for r in replies]
@@ -61,8 +61,8 @@ def test_subgoals_for_many_frames(planning_service: str) -> None:
 def test_texts_are_embedded_in_the_announced_space(planning_service: str) -> None:
     texts = [f"find a chair, attempt {index}" for index in range(1500)]
     with connect(planning_service) as planner:
-        assert planner.info.embedding_space == str(HashedWords().space)
-        np.testing.assert_array_equal(planner.embed(texts), HashedWords().encode(texts))
+        assert planner.info.embedding_space == str(shipped_text_encoder().space)
+        np.testing.assert_array_equal(planner.embed(texts), shipped_text_encoder().encode(texts))
         with pytest.raises(InvalidRequest, match="characters, the limit is"):
             planner.embed(["long " * 1000])
 

@@ -30,7 +30,10 @@ RESTARTS = int(os.environ.get("THINKNAV_RESTARTS", "2"))
 TIMEOUT_S = 120.0
 OVERRIDES = ("deterministic=false", "total_steps=100000000", "policy.think_bias=1", "think.strategy=agent")
 SERVER = "from thinknav_server.cli import main; main()"
-ANOTHER_SPACE = "import thinknav_models.hashed_words as h; h._PARAMETERS['word'] = 'another'; " + SERVER
+ANOTHER_SPACE = (
+    "from thinknav_models import EmbeddingSpace; from thinknav_models.clip import ClipTextEncoder; "
+    "ClipTextEncoder.space = property(lambda self: EmbeddingSpace('another', '1')); " + SERVER
+)
 
 
 class CountingTransport(HttpTransport):

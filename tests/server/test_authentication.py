@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 import httpx
 import pytest
 
-from thinknav_models import HashedWords
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import CONTENT_TYPE, Unauthenticated, decode_info
 from thinknav_server.hosts import PlannerThread
 from thinknav_server.http import create_app
@@ -33,7 +33,7 @@ def call(
     method: str, path: str, authorization: str | None, content: AsyncIterator[bytes] | None = None
 ) -> httpx.Response:
     async def ask() -> httpx.Response:
-        service = PlanningService(PlannerThread(ScriptedPlanner(), HashedWords()), Settings())
+        service = PlanningService(PlannerThread(ScriptedPlanner(), shipped_text_encoder()), Settings())
         app = create_app(service, Tokens({"alice": ALICE}), Intake(1000, 1000, body_timeout=5.0))
         headers = {"Authorization": authorization} if authorization is not None else {}
         async with service, httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://x") as client:
@@ -76,7 +76,7 @@ def test_no_byte_of_a_stranger_s_body_is_read() -> None:
 
 def test_programs_are_told_in_their_language() -> None:
     async def ask() -> bytes:
-        service = PlanningService(PlannerThread(ScriptedPlanner(), HashedWords()), Settings())
+        service = PlanningService(PlannerThread(ScriptedPlanner(), shipped_text_encoder()), Settings())
         app = create_app(service, Tokens({"alice": ALICE}), Intake(1000, 1000, body_timeout=5.0))
         async with httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://x") as client:
             return (await client.get("/v1/planner", headers={"Accept": CONTENT_TYPE})).content

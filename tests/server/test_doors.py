@@ -7,7 +7,7 @@ import pytest
 import trustme
 from pydantic import ValidationError
 
-from thinknav_models import HashedWords
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_server.doors import open_doors
 from thinknav_server.hosts import PlannerThread
 from thinknav_server.planners import ScriptedPlanner
@@ -26,7 +26,7 @@ def _in_a_folder_of_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> No
 
 
 def attempt(**settings: object) -> None:
-    service = PlanningService(PlannerThread(ScriptedPlanner(), HashedWords()), Settings())
+    service = PlanningService(PlannerThread(ScriptedPlanner(), shipped_text_encoder()), Settings())
     open_doors(service, DoorSettings.model_validate({"port": 0, **settings})).listener.close()
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import simplejpeg
 
-from thinknav_models import HashedWords
+from thinknav_models.clip import ClipTextEncoder, shipped_text_encoder
 from thinknav_proto import (
     CONTENT_TYPE,
     EmbedRequest,
@@ -50,7 +50,7 @@ class Client:
 
     def __init__(self, failure_rate: float = 0.0) -> None:
         planner = ScriptedPlanner(SCRIPT, failure_rate=failure_rate)
-        service = PlanningService(PlannerThread(planner, HashedWords()), Settings(limits=LIMITS))
+        service = PlanningService(PlannerThread(planner, shipped_text_encoder()), Settings(limits=LIMITS))
         self._app = create_app(service, Tokens({}), Intake(LIMITS.max_body_bytes, 10**6, body_timeout=0.5))
         self._runner = asyncio.Runner()
         self._lifespan = self._app.router.lifespan_context(self._app)
@@ -192,7 +192,7 @@ def test_too_many_pixels_are_refused_before_decoding(client: Client) -> None:
 
 
 def test_embeddings_in_both_languages(client: Client) -> None:
-    expected = HashedWords().encode(["find a chair"])
+    expected = shipped_text_encoder().encode(["find a chair"])
     asked = encode_embed_request(EmbedRequest(texts=("find a chair",)))
     reply = decode_embed_reply(client.post("/v1/embeddings", content=asked, headers=BINARY).content)
     np.testing.assert_array_equal(reply.embeddings, expected)
@@ -244,7 +244,7 @@ def test_a_bug_is_a_500_in_the_form_of_errors(monkeypatch: pytest.MonkeyPatch) -
     def bug(*_: object) -> object:
         raise RuntimeError("a bug")
 
-    monkeypatch.setattr(HashedWords, "encode", bug)
+    monkeypatch.setattr(ClipTextEncoder, "encode", bug)
     with Client() as client:
         response = client.post("/v1/embeddings", json={"texts": ["a"]})
     assert response.status_code == 500

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from thinknav_models import HashedWords
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import Frame, InvalidRequest, PlannerFailed, SubgoalRequest, Unavailable
 from thinknav_server.hosts import PlannerProcess
 from thinknav_server.hosts.process import ProcessSettings
@@ -70,12 +70,12 @@ def test_it_answers_as_the_planner_does_and_fails_item_by_item() -> None:
         good, choked, broken = thoughts
         assert isinstance(good, Thought)
         assert good.plan.instructions == (f"chair says {process.pid}",)
-        np.testing.assert_array_equal(good.embedding, HashedWords().encode(good.plan.instructions)[0])
+        np.testing.assert_array_equal(good.embedding, shipped_text_encoder().encode(good.plan.instructions)[0])
         assert good.planned > 0
         assert isinstance(choked, PlannerFailed)
         assert isinstance(broken, InvalidRequest)
         embeddings = await process.embed(["find a chair", "find a bed"])
-        np.testing.assert_array_equal(embeddings, HashedWords().encode(["find a chair", "find a bed"]))
+        np.testing.assert_array_equal(embeddings, shipped_text_encoder().encode(["find a chair", "find a bed"]))
 
     run(process_of(), test)
 

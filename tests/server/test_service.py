@@ -6,8 +6,10 @@ from typing import Any, TypeVar
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
-from thinknav_models import EmbeddingSpace, HashedWords
+from thinknav_models import EmbeddingSpace
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import (
     EmbedRequest,
     Frame,
@@ -59,7 +61,7 @@ def within(service: PlanningService, work: Coroutine[Any, Any, T]) -> T:
 
 
 def ask(*requests: SubgoalRequest | PlannerError) -> list[SubgoalReply | PlannerError]:
-    service = PlanningService(PlannerThread(Recording(), HashedWords()), SETTINGS)
+    service = PlanningService(PlannerThread(Recording(), shipped_text_encoder()), SETTINGS)
     return within(service, service.answer_each(requests))
 
 
@@ -68,7 +70,7 @@ def test_a_reply_says_everything() -> None:
     assert isinstance(reply, SubgoalReply)
     assert (reply.request_id, reply.subgoal, reply.instructions) == ("7", "go to the chair", ())
     assert (reply.confidence, reply.planner) == (0.5, "recording@r1")
-    np.testing.assert_array_equal(reply.embedding, HashedWords().encode(["go to the chair"])[0])
+    np.testing.assert_array_equal(reply.embedding, shipped_text_encoder().encode(["go to the chair"])[0])
 
 
 def test_a_plan_keeps_all_its_instructions() -> None:
@@ -80,7 +82,7 @@ def test_a_plan_keeps_all_its_instructions() -> None:
 
 def test_the_planner_sees_the_pixels_the_views_and_the_temperature() -> None:
     planner = Recording()
-    service = PlanningService(PlannerThread(planner, HashedWords()), SETTINGS)
+    service = PlanningService(PlannerThread(planner, shipped_text_encoder()), SETTINGS)
     old = Frame.raw(np.full((2, 3, 3), 9, np.uint8), heading=0.5)
     within(service, service.answer_each([request("7", recent=(old,), temperature=0.8)]))
     ((item,),) = planner.batches
@@ -92,7 +94,7 @@ def test_the_planner_sees_the_pixels_the_views_and_the_temperature() -> None:
 
 def test_requests_of_one_body_share_batches() -> None:
     planner = Recording()
-    service = PlanningService(PlannerThread(planner, HashedWords()), SETTINGS)
+    service = PlanningService(PlannerThread(planner, shipped_text_encoder()), SETTINGS)
     within(service, service.answer_each([request(str(index), goal=f"chair {index}") for index in range(6)]))
     assert [len(batch) for batch in planner.batches] == [4, 2]
 
@@ -140,17 +142,17 @@ def test_too_many_frames_refuse_the_whole_body() -> None:
 
 
 def test_a_service_that_is_not_open_is_unavailable() -> None:
-    service = PlanningService(PlannerThread(Recording(), HashedWords()), SETTINGS)
+    service = PlanningService(PlannerThread(Recording(), shipped_text_encoder()), SETTINGS)
     assert not service.ready
     (answer,) = asyncio.run(service.answer_each([request("7")]))
     assert isinstance(answer, Unavailable)
 
 
 def test_texts_are_embedded_within_limits() -> None:
-    service = PlanningService(PlannerThread(Recording(), HashedWords()), SETTINGS)
+    service = PlanningService(PlannerThread(Recording(), shipped_text_encoder()), SETTINGS)
     reply = within(service, service.embed(EmbedRequest(texts=("find a chair", "find a bed"))))
-    np.testing.assert_array_equal(reply.embeddings, HashedWords().encode(["find a chair", "find a bed"]))
-    assert reply.embedding_space == str(HashedWords().space) == service.info.embedding_space
+    np.testing.assert_array_equal(reply.embeddings, shipped_text_encoder().encode(["find a chair", "find a bed"]))
+    assert reply.embedding_space == str(shipped_text_encoder().space) == service.info.embedding_space
     with pytest.raises(InvalidRequest, match="4 texts, the limit is 3"):
         within(service, service.embed(EmbedRequest(texts=("a", "b", "c", "d"))))
     with pytest.raises(InvalidRequest, match="text 1 has 21 characters"):
@@ -158,15 +160,18 @@ def test_texts_are_embedded_within_limits() -> None:
 
 
 def test_the_service_says_who_it_is() -> None:
-    info = PlanningService(PlannerThread(Recording(), HashedWords()), SETTINGS).info
+    info = PlanningService(PlannerThread(Recording(), shipped_text_encoder()), SETTINGS).info
     assert (info.planner, info.revision, info.prompt_hash) == ("recording", "r1", "p1")
     assert info.limits == LIMITS
 
 
 def test_an_encoder_of_another_dimension_is_refused() -> None:
-    class Short(HashedWords):
+    class Short:
         dimension = 64
         space = EmbeddingSpace("short", "1")
+
+        def encode(self, texts: Sequence[str]) -> NDArray[np.float32]:
+            return np.full((len(texts), 64), 1 / 8, np.float32)
 
     with pytest.raises(ValueError, match=r"short@1 gives embeddings of 64 values, the protocol carries 512"):
         PlanningService(PlannerThread(Recording(), Short()), SETTINGS)

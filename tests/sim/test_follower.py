@@ -60,6 +60,19 @@ def test_it_finds_nearly_everything_in_homes(renderer: Renderer) -> None:
     assert np.mean(result["spl"]) >= 0.85
 
 
+def test_it_knows_how_many_steps_it_needs(divided_room: Scene, renderer: Renderer) -> None:
+    grid = NavigationGrid.from_scene(divided_room, renderer)
+    episodes = list(make_episodes(divided_room, grid, 6, 0, renderer=renderer))
+    env = ObjectNavVectorEnv([divided_room], episodes, 6, TINY, order="sequential")
+    follower = ShortestPathFollower(env)
+    needed = [follower.steps_needed(index) for index in range(6)]
+    env.close()
+    assert play([divided_room], episodes, TINY)["steps"] == sorted(needed)  # who is there first is summed up first
+    hurried = ObjectNavVectorEnv([divided_room], episodes, 1, TINY.model_copy(update={"max_steps": 3}))
+    assert ShortestPathFollower(hurried).steps_needed(0) == 3
+    hurried.close()
+
+
 def test_it_turns_the_short_way_and_stops(divided_room: Scene) -> None:
     beside = Episode("beside", "divided", (1.25, 0.0, 2.0), math.radians(90), "chair", 0.0, 0.0)
     episodes = [beside, replace(beside, start_heading=math.radians(-90)), replace(beside, start_heading=0.0)]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from thinknav_sim.metrics import path_efficiency, soft_spl, spl
+from thinknav_sim.metrics import path_efficiency, soft_spl, spl, success_weighted_by_time
 
 LENGTH = st.floats(0.0, 100.0)
 
@@ -48,3 +48,7 @@ def test_arrays_are_scored_element_by_element() -> None:
 def test_scores_lie_between_0_and_1(distance: float, shortest: float, travelled: float) -> None:
     assert 0.0 <= soft_spl(distance, shortest, travelled) <= 1.0
     assert 0.0 <= spl(True, shortest, travelled) <= 1.0
+
+
+def test_sot_pays_for_time_only_on_success() -> None:
+    assert success_weighted_by_time([1, 1, 1, 0], [10.0] * 4, [10.0, 20.0, 8.0, 10.0]).tolist() == [1.0, 0.5, 1.0, 0.0]

@@ -53,7 +53,7 @@ def test_files_that_are_no_checkpoint_are_refused(tmp_path: Path) -> None:
         with pytest.raises(CheckpointError, match=f"{name} is no checkpoint, or damaged"):
             Checkpoint.load(tmp_path / name)
     torch.save({"weights": 1}, tmp_path / "foreign.pt")
-    with pytest.raises(CheckpointError, match="not a ThinkNav checkpoint of format 1"):
+    with pytest.raises(CheckpointError, match="not a ThinkNav checkpoint of format 2"):
         Checkpoint.load(tmp_path / "foreign.pt")
 
 
@@ -62,7 +62,7 @@ def test_code_in_a_checkpoint_is_not_run(tmp_path: Path) -> None:
         def __reduce__(self) -> tuple[object, tuple[str]]:
             return Path.touch, (str(tmp_path / "sprung"),)
 
-    torch.save({"thinknav_checkpoint": 1, "trap": Trap()}, tmp_path / "trap.pt")
+    torch.save({"thinknav_checkpoint": 2, "trap": Trap()}, tmp_path / "trap.pt")
     with pytest.raises(CheckpointError, match="is no checkpoint, or damaged"):
         Checkpoint.load(tmp_path / "trap.pt")
     assert not (tmp_path / "sprung").exists()

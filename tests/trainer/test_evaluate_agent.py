@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import pytest
 
-from thinknav_models import HashedWords
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import SubgoalReply, SubgoalRequest
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_trainer.agents import AGENTS
@@ -14,7 +14,7 @@ from thinknav_trainer.evaluate import Conditions, EpisodeRecord, play
 from thinknav_trainer.evaluate_agent import Setting, evaluate_agent, named_agent
 from thinknav_trainer.home_sets import HomeSet, make_home_set, parse_home_set
 from thinknav_trainer.interrupt import Interruption
-from thinknav_trainer.planner import MOCK_INFO, FunctionTransport, MockTransport, PlannerClient, reply_to
+from thinknav_trainer.planner import FunctionTransport, MockTransport, PlannerClient, mock_info, reply_to
 from thinknav_trainer.scenes import Homes
 
 
@@ -79,13 +79,13 @@ def test_a_planner_of_our_own_process_is_asked_in_batches(smoke: TrainConfig) ->
         sizes.add(len(requests))
         return [reply_to(request, "move forward") for request in requests]
 
-    transport = FunctionTransport(MOCK_INFO, answer, HashedWords().encode)
+    transport = FunctionTransport(mock_info(), answer, shipped_text_encoder().encode)
     with PlannerClient(transport) as planner:
         protocol, records = evaluate_agent("planner", HomeSet("val", 0, 1), 4, Setting(smoke), planner)
     assert max(sizes) == 4
     assert len(records) == protocol["episodes"] == 4
     assert protocol["planner"] == "mock@0"
-    assert protocol["homes"] == "val:0-1"
+    assert protocol["split"] == "val:0-1"
     assert protocol["obedience"] == {"turns": 1, "forwards": 1, "stop_gate": 0.8, "looks": 2}
 
 

@@ -107,7 +107,8 @@ class CountingActor:
         at = [(int(env), int(k)) for env, k in observations["gps"]]
         actions = torch.tensor([int(action(*now)) for now in at])
         log_probs = torch.tensor([-(1.0 + 100 * env + k) for env, k in at])
-        return Decision(actions, log_probs, self.values(observations), self.hidden[:, :, agents] + 1)
+        looked = {name: torch.from_numpy(rows) for name, rows in observations.items()}
+        return Decision(actions, log_probs, self.values(observations), self.hidden[:, :, agents] + 1, looked)
 
     def values(self, observations: Mapping[str, NDArray[Any]], *_: Tensor) -> Tensor:
         return torch.tensor([value(*now) for now in observations["gps"]], dtype=torch.float32)

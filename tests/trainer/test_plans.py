@@ -5,7 +5,7 @@ import pytest
 
 from tests.trainer.conftest import MakeThinkingEnv
 from tests.trainer.test_thinking import act, descriptions, embed
-from thinknav_models import HashedWords
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import PlannerFailed, SubgoalReply, SubgoalRequest
 from thinknav_sim.task_config import Action
 from thinknav_trainer.planner import MockTransport, reply_to
@@ -24,7 +24,7 @@ def test_an_instruction_stays_until_it_is_done() -> None:
     plans = Plans(2)
     assert plans.current(0) is None
     assert not plans.follow(0, LEFT)
-    plans.begin(0, PLAN, HashedWords().encode(PLAN))
+    plans.begin(0, PLAN, shipped_text_encoder().encode(PLAN))
     seen, news = [], []
     for action in (RIGHT, THINK, LEFT, RIGHT, LEFT, FORWARD, STOP):
         instruction = plans.current(0)

@@ -4,7 +4,7 @@ import torch
 
 from thinknav_sim.task_config import Action
 from thinknav_trainer.config import PolicyConfig
-from thinknav_trainer.policy import ObservationShape, Policy, Sequences, prepare
+from thinknav_trainer.policy import ObservationShape, Policy, Sequences
 
 SHAPE = ObservationShape(height=24, width=32, num_actions=5, thought_size=16)
 CONFIG = PolicyConfig(channels=(2, 4, 4), visual_size=8, thought_size=4, hidden_size=8, lstm_layers=2)
@@ -32,7 +32,9 @@ def test_a_sequence_equals_its_steps_from_the_stored_state() -> None:
     previous = torch.tensor([-1, 0, 1, 2, 3])
     hidden = torch.rand(2, 2, 1, 8)
     logits, values = net.sequence(
-        prepare(seen), previous, Sequences(torch.arange(5)[:, None], torch.ones(5, 1, dtype=torch.bool), hidden)
+        net.vision.prepare(seen),
+        previous,
+        Sequences(torch.arange(5)[:, None], torch.ones(5, 1, dtype=torch.bool), hidden),
     )
     state = hidden
     for t in range(5):
@@ -48,9 +50,9 @@ def test_padding_changes_nothing() -> None:
     hidden = torch.rand(2, 2, 2, 8)
     index = torch.tensor([[0, 3], [1, 3], [2, 3]])
     mask = torch.tensor([[True, True], [True, False], [True, False]])
-    logits, _ = net.sequence(prepare(seen), previous, Sequences(index, mask, hidden))
+    logits, _ = net.sequence(net.vision.prepare(seen), previous, Sequences(index, mask, hidden))
     alone, _ = net.sequence(
-        prepare({name: value[3:] for name, value in seen.items()}),
+        net.vision.prepare({name: value[3:] for name, value in seen.items()}),
         previous[3:],
         Sequences(torch.tensor([[0]]), torch.tensor([[True]]), hidden[:, :, 1:]),
     )

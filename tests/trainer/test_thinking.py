@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from tests.trainer.conftest import MakeThinkingEnv
-from thinknav_models import HashedWords
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import PlannerFailed, SubgoalRequest, Unavailable
 from thinknav_sim.observations import Observations
 from thinknav_sim.scene import GOAL_CATEGORIES
@@ -16,7 +16,7 @@ STOP, FORWARD, LEFT, RIGHT, THINK = Action
 
 
 def embed(text: str) -> NDArray[np.float32]:
-    vector: NDArray[np.float32] = HashedWords().encode([text])[0]
+    vector: NDArray[np.float32] = shipped_text_encoder().encode([text])[0]
     return vector
 
 

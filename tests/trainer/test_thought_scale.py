@@ -2,14 +2,14 @@ import numpy as np
 import pytest
 import torch
 
-from thinknav_models import HashedWords
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_trainer.config import PolicyConfig
 from thinknav_trainer.policy import ObservationShape, Policy
 from thinknav_trainer.thought_scale import centre_and_scale, typical_sentences
 
 
 def test_typical_thoughts_have_unit_variance_in_the_policy_and_none_stays_none() -> None:
-    embeddings = HashedWords().encode(typical_sentences())
+    embeddings = shipped_text_encoder().encode(typical_sentences())
     centre, scale = centre_and_scale(embeddings)
     net = Policy(ObservationShape(16, 16, 5, embeddings.shape[1]), PolicyConfig(channels=(2, 2, 2), visual_size=8))
     net.scale_thoughts(torch.from_numpy(centre), scale)

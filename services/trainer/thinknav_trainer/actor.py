@@ -22,16 +22,23 @@ EVERYONE = slice(None)
 
 @dataclass(frozen=True)
 class Decision:
-    """What n agents do. actions: (n,) int64. log_probs, values: (n,). hidden: the state after it, (2, layers, n, H)."""
+    """What n agents do, and what they saw when they chose it.
+
+    actions: (n,) int64. log_probs, values: (n,). hidden: the state after it, (2, layers, n, H). looked: what the policy
+    keeps of the observations, name -> (n, ...).
+    """
 
     actions: Tensor
     log_probs: Tensor
     values: Tensor
     hidden: Tensor
+    looked: dict[str, Tensor]
 
     def select(self, agents: Rows) -> "Decision":
         """That of some agents."""
-        return Decision(self.actions[agents], self.log_probs[agents], self.values[agents], self.hidden[:, :, agents])
+        looked = {name: rows[agents] for name, rows in self.looked.items()}
+        hidden = self.hidden[:, :, agents]
+        return Decision(self.actions[agents], self.log_probs[agents], self.values[agents], hidden, looked)
 
     def update(self, agents: Rows, decision: "Decision") -> "Decision":
         """This one with another in the place of some agents'; those rows are written over."""
@@ -39,6 +46,8 @@ class Decision:
             return decision
         self.actions[agents], self.log_probs[agents] = decision.actions, decision.log_probs
         self.values[agents], self.hidden[:, :, agents] = decision.values, decision.hidden
+        for name, rows in decision.looked.items():
+            self.looked[name][agents] = rows
         return self
 
 
@@ -60,24 +69,24 @@ class Actor:
         """Of agents who have not decided anything yet."""
         count = len(self.previous)
         nothing = torch.full((count,), NO_ACTION)
-        return Decision(nothing, torch.zeros(count), torch.zeros(count), torch.zeros_like(self.hidden))
+        return Decision(nothing, torch.zeros(count), torch.zeros(count), torch.zeros_like(self.hidden), {})
 
     @torch.no_grad()
     def decide(self, observations: Mapping[str, NDArray[Any]], agents: Rows = EVERYONE) -> Decision:
         """Choose the next actions of some agents, who observe (n, ...)."""
-        logits, values, hidden = self._forward(observations, self.previous[agents], self.hidden[:, :, agents])
+        looked, logits, values, hidden = self._forward(observations, self.previous[agents], self.hidden[:, :, agents])
         forced = observations.get(FORCED_THINK)
         log_probs = acting_log_probs(logits.log_softmax(dim=1), None if forced is None else torch.from_numpy(forced))
         if self._greedy:
             actions = log_probs.argmax(dim=1, keepdim=True)
         else:
             actions = torch.multinomial(log_probs.exp(), 1, generator=self._generator)
-        return Decision(actions[:, 0], log_probs.gather(1, actions)[:, 0], values, hidden)
+        return Decision(actions[:, 0], log_probs.gather(1, actions)[:, 0], values, hidden, looked)
 
     @torch.no_grad()
     def values(self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor) -> Tensor:
         """What observations are worth, without acting on them."""
-        return self._forward(observations, previous, hidden)[1]
+        return self._forward(observations, previous, hidden)[2]
 
     def advance(self, decision: Decision, done: NDArray[np.bool_], agents: Rows = EVERYONE) -> None:
         """Some agents took their actions; where an episode ended (n,), forget it."""
@@ -97,11 +106,12 @@ class Actor:
 
     def _forward(
         self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor
-    ) -> tuple[Tensor, Tensor, Tensor]:
+    ) -> tuple[dict[str, Tensor], Tensor, Tensor, Tensor]:
         tensors = {name: torch.from_numpy(values) for name, values in observations.items()}
         # The products of one step are small: a second thread would cost more in waiting than it gives.
         with autocast(self._precision), torch_threads(1):
-            return self._policy.step(tensors, previous, hidden)
+            looked = self._policy.look(tensors)
+            return looked, *self._policy.step(looked, previous, hidden)
 
     def state_dict(self) -> dict[str, Any]:
         return {"previous": self.previous, "hidden": self.hidden, "generator": self._generator.get_state()}

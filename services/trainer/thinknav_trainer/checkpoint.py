@@ -14,7 +14,7 @@ import torch
 
 from thinknav_trainer.files import replacing
 
-FORMAT = 1
+FORMAT = 2
 _ARRAY = "__ndarray__"
 
 

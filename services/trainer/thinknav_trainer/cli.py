@@ -12,12 +12,13 @@ import typer
 from rich.console import Console
 from rich.logging import RichHandler
 
+from thinknav_models.weights import WeightsError
 from thinknav_proto import PlannerError
 from thinknav_sim.episodes import EpisodeError
 from thinknav_sim.render import RendererUnavailable
 from thinknav_sim.scene import SceneError
 from thinknav_trainer.checkpoint import CheckpointError
-from thinknav_trainer.commands import bench, episodes, evaluate, homes, scenes
+from thinknav_trainer.commands import bench, compare, episodes, evaluate, homes, models, scenes
 from thinknav_trainer.config import ConfigError, change_config, load_config, presets
 from thinknav_trainer.demo import run_demo
 from thinknav_trainer.dumps import TrainingDiverged
@@ -27,10 +28,20 @@ from thinknav_trainer.report import write_report
 from thinknav_trainer.reproduce import reproduce_dump
 from thinknav_trainer.run import RunError, read_config
 from thinknav_trainer.service_process import ServiceError
+from thinknav_trainer.vision import EmbeddingSpaceError
 from thinknav_trainer.workflow import train_run
 
 # What a user, or the world, can do wrong; anything else is our mistake and shows its traceback.
-USAGE_ERRORS = (ConfigError, RunError, RecordingError, CheckpointError, SceneError, EpisodeError)
+USAGE_ERRORS = (
+    ConfigError,
+    RunError,
+    RecordingError,
+    CheckpointError,
+    SceneError,
+    EpisodeError,
+    EmbeddingSpaceError,
+    WeightsError,
+)
 FAILURES = (PlannerError, ServiceError, RendererUnavailable, TrainingDiverged)
 
 app = typer.Typer(
@@ -44,6 +55,8 @@ app.add_typer(homes.app, name="homes")
 app.add_typer(bench.app, name="bench")
 app.add_typer(scenes.app, name="scenes")
 app.command("eval")(evaluate.evaluate)
+app.command("compare")(compare.compare_runs)
+app.add_typer(models.app, name="models")
 
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="e.g. --set ppo.lr=1e-4")]
 Preset = Annotated[str, typer.Option(help=f"one of: {', '.join(presets())}")]

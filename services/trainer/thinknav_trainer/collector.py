@@ -99,7 +99,7 @@ class Collector:
         rows = self._rows(envs)
         return Transitions(
             envs=envs,
-            observations=_take(self._observations, rows),
+            observations=decision.looked,
             hidden=self._actor.hidden[:, :, rows],
             previous_actions=self._actor.previous[rows].numpy(),
             actions=decision.actions.numpy(),

@@ -32,6 +32,10 @@ class ScenesConfig(Section):
     """Which homes, and how many episodes in them."""
 
     scans: tuple[str, ...] = Field((), description="scans to train in, instead of procedural homes (docs/scenes.md)")
+    episodes_file: str | None = Field(
+        None, description="Habitat's episodes to split and play, a file or a split's folder; none: they are made"
+    )
+    folder: str | None = Field(None, description="where the scenes of episodes_file lie (docs/evaluation.md)")
     homes: int = Field(1, ge=1, description="procedural homes to train in")
     first_home: int = Field(0, ge=0, description="index of the first one in the training range of seeds")
     rooms: int | None = Field(None, ge=1, le=8, description="rooms of each home; none: the home decides")
@@ -47,6 +51,8 @@ class ScenesConfig(Section):
     def _distances_in_order(self) -> "ScenesConfig":
         if self.min_distance >= self.max_distance:
             raise ValueError(f"min_distance {self.min_distance} is not below max_distance {self.max_distance}")
+        if self.scans and self.episodes_file is not None:
+            raise ValueError("scans and episodes_file exclude each other; put the scans in scenes.folder")
         return self
 
 
@@ -82,7 +88,12 @@ class ThinkConfig(Section):
 class PolicyConfig(Section):
     """The recurrent actor-critic network."""
 
-    channels: tuple[int, int, int] = Field((16, 32, 32), description="channels of the visual encoder's convolutions")
+    image_encoder: Literal["clip", "learnt"] = Field(
+        "learnt",
+        description="clip: the embedded CLIP sees the RGB, frozen, and small convolutions learn to see the depth; "
+        "learnt: convolutions learn to see the RGB-D",
+    )
+    channels: tuple[int, int, int] = Field((16, 32, 32), description="learnt: channels of the convolutions")
     visual_size: int = Field(256, ge=1, description="width of the visual features")
     thought_size: int = Field(64, ge=1, description="width of the thought after its linear layer")
     hidden_size: int = Field(256, ge=1, description="width of the LSTM")

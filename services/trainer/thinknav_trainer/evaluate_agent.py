@@ -11,18 +11,23 @@ from typing import Any
 
 from thinknav_trainer.agents import AGENTS, NamedAgent, Obedience, obedient
 from thinknav_trainer.config import ConfigError, TrainConfig
-from thinknav_trainer.evaluate import Conditions, EpisodeRecord, play
-from thinknav_trainer.home_sets import HomeSet, make_home_set
+from thinknav_trainer.episode_sets import EpisodeSet, of_homes
+from thinknav_trainer.evaluate import Clock, Conditions, EpisodeRecord, play
+from thinknav_trainer.home_sets import HomeSet
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import PlannerClient
 
 
 @dataclass(frozen=True)
 class Setting:
-    """config: of which the task, the thinking, the number of envs and the seed count. obedience: of agent `planner`."""
+    """config: of which the task, the thinking, the number of envs and the seed count. obedience: of agent `planner`.
+
+    clock: the seconds that SOT counts.
+    """
 
     config: TrainConfig
     obedience: Obedience = field(default_factory=Obedience)
+    clock: Clock = field(default_factory=Clock)
 
 
 def named_agent(name: str, obedience: Obedience = Obedience()) -> NamedAgent:
@@ -40,7 +45,20 @@ def evaluate_agent(
     planner: PlannerClient | None = None,
     interruption: Interruption | None = None,
 ) -> tuple[dict[str, Any], list[EpisodeRecord]]:
-    """Play episodes in homes with a named agent: the protocol of it, and the records.
+    """Play `episodes` episodes in procedural homes with a named agent: see `play_agent`."""
+    named_agent(name)
+    made = of_homes(homes, episodes, setting.config.env)
+    return play_agent(name, made, setting, planner, interruption)
+
+
+def play_agent(
+    name: str,
+    episodes: EpisodeSet,
+    setting: Setting,
+    planner: PlannerClient | None = None,
+    interruption: Interruption | None = None,
+) -> tuple[dict[str, Any], list[EpisodeRecord]]:
+    """Play episodes with a named agent: the protocol of it, and the records.
 
     planner: for the agent that thinks; others leave it alone.
     Raises ConfigError for an agent that is not there or lacks its planner.
@@ -50,16 +68,17 @@ def evaluate_agent(
         raise ConfigError(f"agent {name!r} thinks, and needs a planner")
     config = setting.config
     think = config.think.model_copy(update={"strategy": "agent" if agent.thinks else "never"})
-    conditions = Conditions(config.env, think, config.num_envs, config.seed)
-    scenes, made = make_home_set(homes, episodes, config.env)
+    conditions = Conditions(config.env, think, config.num_envs, config.seed, setting.clock)
     asked = planner if agent.thinks else None
+    made, scenes = episodes.episodes, episodes.scenes
     records = play(agent.make, conditions, scenes, made, asked, interruption or Interruption())
     protocol = {
         "agent": name,
         "privileged": agent.privileged,
         "obedience": vars(setting.obedience) if agent.thinks else None,
-        "homes": str(homes),
+        "split": episodes.name,
         "episodes": len(records),
+        "clock": vars(setting.clock),
         "planner": None if asked is None else asked.info.identity,
         "config": config.model_copy(update={"think": think}).model_dump(mode="json"),
     }

@@ -1,7 +1,7 @@
 """The recurrent actor-critic: what it sees, in the order of Habitat's PointNavResNetNet, plus the thought.
 
 RNN input: [visual features | goal embedding | cos, sin of compass | gps | thought | previous action] -> LSTM -> action
-logits and value. Knows nothing of rewards, planners or where observations come from.
+logits and value. How it sees is `vision`'s affair. Knows nothing of rewards, planners or where observations come from.
 """
 
 import math
@@ -14,6 +14,7 @@ from torch import Tensor, nn
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
 from thinknav_trainer.config import PolicyConfig
+from thinknav_trainer.vision import make_vision
 
 EMBEDDING_SIZE = 32  # of goal, compass, gps and previous action, as in Habitat
 
@@ -42,51 +43,6 @@ class Sequences:
     hidden: Tensor
 
 
-class VisualEncoder(nn.Module):
-    """RGB-D to features: three convolutions, a third of the resolution that they were designed for."""
-
-    def __init__(self, height: int, width: int, channels: tuple[int, int, int], out_features: int) -> None:
-        super().__init__()
-        first, second, third = channels
-        self.convolutions = nn.Sequential(
-            nn.Conv2d(4, first, kernel_size=8, stride=4, padding=2),
-            nn.ReLU(),
-            nn.Conv2d(first, second, kernel_size=4, stride=2, padding=1),
-            nn.ReLU(),
-            nn.Conv2d(second, third, kernel_size=3, stride=2, padding=1),
-            nn.ReLU(),
-            nn.Flatten(),
-        )
-        with torch.no_grad():
-            flat = self.convolutions(torch.zeros(1, 4, height, width)).shape[1]
-        self.linear = nn.Sequential(nn.Linear(flat, out_features), nn.ReLU())
-        for name, parameter in self.named_parameters():
-            if name.endswith("weight"):
-                nn.init.orthogonal_(parameter, nn.init.calculate_gain("relu"))
-            else:
-                nn.init.zeros_(parameter)
-
-    def forward(self, image: Tensor) -> Tensor:
-        """Images (B, H, W, 4), made by `prepare`, to (B, out_features)."""
-        features: Tensor = self.linear(self.convolutions(image.permute(0, 3, 1, 2)))
-        return features
-
-
-def prepare(observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Observations with rgb and depth joined to one centred `image` (B, H, W, 4), in the precision in force.
-
-    Apart from the network, so that learning does it once a rollout and not once an epoch.
-    """
-    rgb, depth = observations["rgb"], observations["depth"]
-    dtype = torch.get_autocast_dtype("cpu") if torch.is_autocast_enabled("cpu") else torch.float32
-    image = torch.empty((*rgb.shape[:3], 4), dtype=dtype)
-    image[..., :3] = rgb
-    image[..., :3] /= 255
-    image[..., 3:] = depth
-    image -= 0.5
-    return {name: value for name, value in observations.items() if name not in ("rgb", "depth")} | {"image": image}
-
-
 class Policy(nn.Module):
     """Actor and critic on one LSTM. `stop` starts with a low prior: see `PolicyConfig.stop_bias`."""
 
@@ -96,7 +52,7 @@ class Policy(nn.Module):
     def __init__(self, shape: ObservationShape, config: PolicyConfig) -> None:
         super().__init__()
         self.shape = shape
-        self.visual = VisualEncoder(shape.height, shape.width, config.channels, config.visual_size)
+        self.vision = make_vision(shape.height, shape.width, config)
         self.goal = nn.Embedding(len(GOAL_CATEGORIES), EMBEDDING_SIZE)
         self.compass = nn.Linear(2, EMBEDDING_SIZE)
         self.gps = nn.Linear(2, EMBEDDING_SIZE)
@@ -130,7 +86,7 @@ class Policy(nn.Module):
         """What the LSTM sees of B prepared transitions: (B, rnn_input). previous_actions: (B,) int64, -1 for none."""
         compass = observations["compass"]
         parts = [
-            self.visual(observations["image"]),
+            self.vision(observations),
             self.goal(observations["objectgoal"][:, 0]),
             self.compass(torch.cat([compass.cos(), compass.sin()], dim=1)),
             self.gps(observations["gps"]),
@@ -150,11 +106,15 @@ class Policy(nn.Module):
         there = thoughts.any(dim=1, keepdim=True)
         return (thoughts - self.thought_centre) * self.thought_scale * there
 
+    def look(self, observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """What the policy keeps of an env's observations: all that it ever needs of a step, and no more."""
+        return self.vision.look(observations)
+
     def step(
-        self, observations: Mapping[str, Tensor], previous_actions: Tensor, hidden: Tensor
+        self, looked: Mapping[str, Tensor], previous_actions: Tensor, hidden: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
         """One step of N agents: logits (N, A), values (N,), and the next hidden state, all float32."""
-        features = self.features(prepare(observations), previous_actions)
+        features = self.features(self.vision.prepare(looked), previous_actions)
         output, (h, c) = self.rnn(features[None].float(), (hidden[0], hidden[1]))
         logits, values = self._heads(output[0])
         return logits, values, torch.stack([h, c]).float()

@@ -16,7 +16,7 @@ from torch import Tensor, nn
 from thinknav_trainer.config import PPOConfig
 from thinknav_trainer.dumps import NotFinite
 from thinknav_trainer.forcing import FORCED_THINK, acting_log_probs
-from thinknav_trainer.policy import Policy, prepare
+from thinknav_trainer.policy import Policy
 from thinknav_trainer.precision import autocast
 from thinknav_trainer.rollout import Rollout
 
@@ -42,7 +42,7 @@ class PPO:
         if self.config.normalize_advantages:
             advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-5)
         with autocast(self.config.precision):
-            observations = prepare(rollout.observations)
+            observations = self.policy.vision.prepare(rollout.observations)
         sums: dict[str, float] = {}
         for _ in range(self.config.epochs):
             order = self._order.permutation(len(rollout.sequence_starts))

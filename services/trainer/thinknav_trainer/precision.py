@@ -5,13 +5,9 @@ from typing import Any, Literal
 
 import torch
 
+from thinknav_models.bfloat16 import bfloat16_is_fast
+
 Precision = Literal["auto", "float32", "bfloat16"]
-
-
-def bfloat16_is_fast() -> bool:
-    """Whether this processor multiplies bfloat16 natively (AVX-512 BF16, AMX)."""
-    check = getattr(torch.cpu, "_is_avx512_bf16_supported", None)  # not in every torch from 2.6 on
-    return check is not None and bool(check())
 
 
 def autocast(precision: Precision) -> AbstractContextManager[Any]:

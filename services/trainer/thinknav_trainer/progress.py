@@ -12,6 +12,8 @@ logger = logging.getLogger(__name__)
 
 LOG_EVERY_S = 15.0
 
+_shown: list[str] = []  # bars of this process, the outermost first
+
 
 class ProgressBar:
     """Counts `total` units of work."""
@@ -42,10 +44,15 @@ class ProgressBar:
 def progress_bar(title: str, total: int, done: int = 0, unit: str = "steps") -> Iterator[ProgressBar]:
     """Show a bar while the block runs. Log lines of the block appear above it."""
     console = Console(stderr=True)
+    hidden = not console.is_terminal or bool(_shown)  # a terminal has room for one live bar
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), MofNCompleteColumn())
-    bar = Progress(*columns, TextColumn("{task.fields[note]}"), console=console, disable=not console.is_terminal)
+    bar = Progress(*columns, TextColumn("{task.fields[note]}"), console=console, disable=hidden)
     with bar:
-        yield ProgressBar(bar, title, total, done, unit)
+        _shown.append(title)
+        try:
+            yield ProgressBar(bar, title, total, done, unit)
+        finally:
+            _shown.pop()
 
 
 def _duration(seconds: float) -> str:

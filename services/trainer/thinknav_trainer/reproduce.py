@@ -7,7 +7,7 @@ import numpy as np
 
 from thinknav_trainer.config import parse_config
 from thinknav_trainer.dumps import NotFinite, read_dump
-from thinknav_trainer.policy import ObservationShape, Policy, prepare
+from thinknav_trainer.policy import ObservationShape, Policy
 from thinknav_trainer.ppo import PPO
 from thinknav_trainer.precision import autocast
 from thinknav_trainer.rollout import Rollout
@@ -28,7 +28,7 @@ def _update(evidence: dict[str, Any]) -> str:
     learner.load_state_dict(evidence["learner"])
     rollout = Rollout(**evidence["rollout"])
     with autocast(config.ppo.precision):
-        observations = prepare(rollout.observations)
+        observations = policy.vision.prepare(rollout.observations)
     try:
         losses = learner.minibatch(rollout, observations, evidence["advantages"], evidence["chosen"])
     except NotFinite as error:

@@ -18,7 +18,8 @@ from thinknav_trainer.policy import Sequences
 class Rollout:
     """M transitions.
 
-    observations: name -> (M, ...). actions, previous_actions: (M,) int64. log_probs, values, advantages, returns: (M,).
+    observations: what the policy kept of them, name -> (M, ...). actions, previous_actions: (M,) int64.
+    log_probs, values, advantages, returns: (M,).
     sequence_starts, sequence_lengths: (S,) int64, into the M transitions; no sequence crosses an episode's end.
     sequence_hidden: (2, layers, S, H), the LSTM's state before each sequence.
     """

@@ -12,6 +12,7 @@ from thinknav_sim.objectnav import make_grid
 from thinknav_sim.render import make_renderer
 from thinknav_sim.scene import Scene, SceneError
 from thinknav_trainer.config import ScenesConfig, TrainConfig
+from thinknav_trainer.episode_sets import of_file
 
 
 @dataclass(frozen=True)
@@ -25,8 +26,15 @@ class Homes:
 
 
 def make_homes(config: TrainConfig) -> Homes:
-    """Homes, generated or scanned, and episodes. They follow `config.scenes` alone: every seed meets the same ones."""
+    """Homes, generated or scanned, and episodes, made or read.
+
+    They follow `config.scenes` alone: every seed meets the same ones.
+    """
     wanted = config.scenes
+    if wanted.episodes_file is not None:
+        given = of_file(Path(wanted.episodes_file), None if wanted.folder is None else Path(wanted.folder))
+        train, held_out = split_by_category(given.episodes, held_out=wanted.held_out, seed=0)
+        return Homes(given.scenes, list(train), list(held_out))
     scenes = _load_scans(wanted.scans) if wanted.scans else _generate(wanted)
     renderer = make_renderer()
     episodes: list[Episode] = []

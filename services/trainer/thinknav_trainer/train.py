@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_sim.render import set_render_threads
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
@@ -35,6 +36,7 @@ from thinknav_trainer.run import Run
 from thinknav_trainer.scenes import Homes
 from thinknav_trainer.thinking import EpisodeEnd, ThinkingEnv
 from thinknav_trainer.thought_scale import centre_and_scale, typical_sentences
+from thinknav_trainer.vision import EmbeddingSpaceError
 from thinknav_trainer.warm_start import Cloner, Demonstrations
 
 logger = logging.getLogger(__name__)
@@ -169,10 +171,13 @@ def open_session(
     resume_from: Checkpoint | None = None,
     recording: Recording | None = None,
 ) -> Session:
-    """Build env, policy, learner and collector, and put them where a checkpoint left them. Raises CheckpointError."""
+    """Build env, policy, learner and collector, and put them where a checkpoint left them. Raises CheckpointError or
+    EmbeddingSpaceError.
+    """
     if config.threads:
         torch.set_num_threads(config.threads)
         set_render_threads(config.threads)
+    require_shared_space(config, planner)
     if resume_from is not None:
         resume_from.require(action_space(config), embedding_space(planner))
     vector_env = ObjectNavVectorEnv(
@@ -210,6 +215,19 @@ def action_space(config: TrainConfig) -> tuple[str, ...]:
 def embedding_space(planner: PlannerClient | None) -> str | None:
     """Of the thoughts that a policy sees, None without a planner."""
     return None if planner is None else str(planner.info.embedding_space)
+
+
+def require_shared_space(config: TrainConfig, planner: PlannerClient | None) -> None:
+    """Refuse a policy that sees through one CLIP and reads the thoughts of another. Raises EmbeddingSpaceError."""
+    if planner is None or config.policy.image_encoder != "clip":
+        return
+    own = shipped_text_encoder().space
+    if planner.info.embedding_space != str(own):
+        raise EmbeddingSpaceError(
+            f"the policy's image encoder is of embedding space {own}, the service's text encoder of "
+            f"{planner.info.embedding_space}; start the service with the other text encoder, or set "
+            "policy.image_encoder=learnt"
+        )
 
 
 def observation_shape(config: TrainConfig, planner: PlannerClient | None) -> ObservationShape:

@@ -15,7 +15,7 @@ from thinknav_trainer.actor import Actor
 from thinknav_trainer.collector import Collector, timeout_bonus
 from thinknav_trainer.config import PPOConfig, WarmStartConfig
 from thinknav_trainer.demonstrators import Demonstrator
-from thinknav_trainer.policy import Policy, prepare
+from thinknav_trainer.policy import Policy
 from thinknav_trainer.precision import autocast
 from thinknav_trainer.rollout import Rollout
 from thinknav_trainer.thinking import ThinkingEnv
@@ -54,7 +54,7 @@ class Demonstrations:
             log.add(
                 Transitions(
                     envs=np.arange(self._env.num_envs),
-                    observations=self._observations,
+                    observations=decision.looked,
                     hidden=self._actor.hidden,
                     previous_actions=self._actor.previous.numpy(),
                     actions=chosen,
@@ -86,7 +86,7 @@ class Cloner:
     def update(self, rollout: Rollout) -> dict[str, float]:
         """Some epochs over a rollout; means of the losses, and how often the likeliest action was the right one."""
         with autocast(self._ppo.precision):
-            observations = prepare(rollout.observations)
+            observations = self._policy.vision.prepare(rollout.observations)
         sums = {"cloning_loss": 0.0, "value_loss": 0.0, "cloning_accuracy": 0.0}
         for _ in range(self._config.epochs):
             order = self._order.permutation(len(rollout.sequence_starts))

@@ -1,19 +1,21 @@
 """What the commands do, in order: read, connect, prepare, run, write. Shared by `train`, `eval` and `demo`."""
 
 import logging
+import re
 from contextlib import ExitStack
 from pathlib import Path
 
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.config import ConfigError, TrainConfig, parse_config
-from thinknav_trainer.evaluate import EpisodeRecord, evaluate, write_evaluation
+from thinknav_trainer.episode_sets import EpisodeSet
+from thinknav_trainer.evaluate import Clock, EpisodeRecord, evaluate, write_evaluation
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import PlannerClient, PlannerError, connect
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.recording import Recording
 from thinknav_trainer.run import Run, RunError, list_checkpoints, newest_checkpoint, read_config
 from thinknav_trainer.scenes import Homes, make_homes
-from thinknav_trainer.train import action_space, embedding_space, observation_shape, train
+from thinknav_trainer.train import action_space, embedding_space, observation_shape, require_shared_space, train
 
 logger = logging.getLogger(__name__)
 
@@ -26,14 +28,17 @@ FIXED = ("seed", "num_envs", "scenes", "env", "policy")
 def connect_if_thinking(config: TrainConfig, stack: ExitStack) -> PlannerClient | None:
     """The planner that a configuration needs, closed with the stack; None for a policy that never thinks.
 
-    Raises ConfigError when it cannot be used: which planner there is, is the user's to say.
+    Raises ConfigError when it cannot be used: which planner there is, is the user's to say; EmbeddingSpaceError when
+    the policy cannot read its thoughts.
     """
     if config.think.strategy == "never":
         return None
     try:
-        return stack.enter_context(connect(config.planner))
+        planner = stack.enter_context(connect(config.planner))
     except PlannerError as error:
         raise ConfigError(str(error)) from None
+    require_shared_space(config, planner)
+    return planner
 
 
 def train_run(
@@ -81,8 +86,10 @@ def evaluate_checkpoint(
     greedy: bool = False,
     output: Path | None = None,
     homes: Homes | None = None,
+    elsewhere: EpisodeSet | None = None,
+    clock: Clock = Clock(),
 ) -> tuple[Path, list[EpisodeRecord]]:
-    """Play a split with a checkpoint's policy: the folder of the result, and the records.
+    """Play a split, or episodes `elsewhere`, with a checkpoint's policy: the folder of the result, and the records.
 
     When the user interrupts, nothing is written: part of a split is biased towards short episodes.
     """
@@ -92,18 +99,19 @@ def evaluate_checkpoint(
     config = parse_config(checkpoint.config)
     if planner_url is not None:
         config = config.model_copy(update={"planner": planner_url})
-    folder = output or path.parent.parent / "evaluations" / f"{path.stem}-{split}"
+    where = split if elsewhere is None else elsewhere.name
+    folder = output or path.parent.parent / "evaluations" / f"{path.stem}-{re.sub(r'[^A-Za-z0-9_.-]+', '_', where)}"
     with ExitStack() as stack:
         planner = connect_if_thinking(config, stack)
         checkpoint.require(action_space(config), embedding_space(planner))
-        homes = homes or make_homes(config)
         policy = Policy(observation_shape(config, planner), config.policy)
         policy.load_state_dict(checkpoint.policy)
-        episodes = homes.held_out if split == "held_out" else homes.train
-        records = evaluate(policy, config, homes.scenes, episodes, planner, interrupted, greedy)
+        played = elsewhere or _own_split(homes or make_homes(config), split)
+        records = evaluate(policy, config, played.scenes, played.episodes, planner, interrupted, greedy, clock)
         protocol = {
             "checkpoint_steps": checkpoint.steps,
-            "split": split,
+            "split": where,
+            "clock": vars(clock),
             "episodes": len(records),
             "actions": "greedy" if greedy else "sampled",
             "planner": None if planner is None else planner.info.identity,
@@ -112,3 +120,7 @@ def evaluate_checkpoint(
         if not interrupted.requested:
             write_evaluation(folder, protocol, records)
     return folder, records
+
+
+def _own_split(homes: Homes, split: str) -> EpisodeSet:
+    return EpisodeSet(split, homes.scenes, homes.held_out if split == "held_out" else homes.train)

@@ -3,6 +3,7 @@
 from thinknav_sim.render.camera import Camera
 from thinknav_sim.render.embree import EmbreeRenderer
 from thinknav_sim.render.open3d_raycasting import Open3DRenderer
+from thinknav_sim.render.raster import RasterRenderer
 from thinknav_sim.render.renderer import NOTHING_DEPTH, Hits, Renderer, RendererUnavailable
 from thinknav_sim.render.selection import make_renderer
 from thinknav_sim.render.threads import set_render_threads
@@ -14,6 +15,7 @@ __all__ = [
     "EmbreeRenderer",
     "Hits",
     "Open3DRenderer",
+    "RasterRenderer",
     "Renderer",
     "RendererUnavailable",
     "WarpRenderer",

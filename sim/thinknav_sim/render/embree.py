@@ -4,7 +4,6 @@ Threads are numba's: `numba.set_num_threads` and NUMBA_NUM_THREADS say how many 
 """
 
 import functools
-import threading
 from types import TracebackType
 from typing import Self
 
@@ -19,14 +18,12 @@ from thinknav_sim.render.embree_library import PACKET_WIDTHS, EmbreeDevice, Embr
 from thinknav_sim.render.known_answer import check_known_answer
 from thinknav_sim.render.renderer import Hits
 from thinknav_sim.render.textures import pack_textures
+from thinknav_sim.render.threads import PARALLEL_REGION
 from thinknav_sim.scene import Scene
 
 # RTCRayQueryFlags, the first word of RTCIntersectArguments, and RTC_FEATURE_FLAG_ALL, the second.
 _INCOHERENT, _COHERENT = 0, 1 << 16
 _ALL_FEATURES = 0xFFFFFFFF
-
-# Numba's last-resort threading layer aborts the process when two threads enter it at once.
-_PARALLEL_REGION = threading.Lock()
 
 
 class _BuiltScene:
@@ -35,15 +32,26 @@ class _BuiltScene:
     def __init__(self, device: EmbreeDevice, scene: Scene) -> None:
         self._device = device
         self._scene = scene
-        self._picture = device.build(scene, robust=False)
-        # The colours of a triangle's corners stand side by side for the cache's sake.
-        self._surface: Surface = (scene.colors[scene.triangles], *pack_textures(scene))
-        self.kernel_row = (self._picture.handle, *surface_row(self._surface))
+
+    @functools.cached_property
+    def picture(self) -> EmbreeScene:
+        """Built when first drawn. It loses one pixel in millions, and saves time."""
+        return self._device.build(self._scene, robust=False)
 
     @functools.cached_property
     def watertight(self) -> EmbreeScene:
-        """Built when first cast at. Pictures do without: they lose one pixel in millions, and save time."""
+        """Built when first cast at."""
         return self._device.build(self._scene, robust=True)
+
+    @functools.cached_property
+    def _surface(self) -> Surface:
+        # The colours of a triangle's corners stand side by side for the cache's sake.
+        return (self._scene.colors[self._scene.triangles], *pack_textures(self._scene))
+
+    @functools.cached_property
+    def kernel_row(self) -> tuple[int, ...]:
+        """What `draw_views` takes: the scene's handle, addresses and lengths."""
+        return (self.picture.handle, *surface_row(self._surface))
 
 
 class EmbreeRenderer:
@@ -68,6 +76,7 @@ class EmbreeRenderer:
 
     def add_scene(self, scene: Scene) -> int:
         """See `Renderer.add_scene`."""
+        self._device.check_open()
         return self._scenes.add(_BuiltScene(self._device, scene))
 
     def remove_scene(self, scene_id: int) -> None:
@@ -84,7 +93,7 @@ class EmbreeRenderer:
         depth = np.empty((len(ids), camera.height, camera.width, 1), np.float32)
         packets = packet_scratch(numba.get_num_threads(), self.packet_width)
         lens = (1 / camera.focal_length, float(camera.elevation))
-        with _PARALLEL_REGION:
+        with PARALLEL_REGION:
             draw_views(
                 self._intersect,
                 self._coherent.ctypes.data,
@@ -104,7 +113,7 @@ class EmbreeRenderer:
         hits = Hits(np.empty(len(starts), np.float32), np.empty(len(starts), np.int32))
         packets = packet_scratch(numba.get_num_threads(), self.packet_width)
         arguments = self._incoherent.ctypes.data
-        with _PARALLEL_REGION:
+        with PARALLEL_REGION:
             cast_rays(
                 self._intersect,
                 arguments,

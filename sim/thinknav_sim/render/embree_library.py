@@ -119,8 +119,7 @@ class EmbreeDevice:
         may; looking for it costs half as much time again.
         Raises RuntimeError when Embree fails, or the device is closed.
         """
-        if not self._release.alive:
-            raise RuntimeError("the renderer is closed")
+        self.check_open()
         # Embree reads 16 bytes at each vertex of 12, so the last one needs something behind it.
         vertices = np.concatenate([scene.vertices, np.zeros((1, 3), np.float32)])
         triangles = np.array(scene.triangles, np.uint32, order="C")
@@ -143,6 +142,11 @@ class EmbreeDevice:
         if error := self._last_error(self._handle):
             raise RuntimeError(f"Embree could not build the scene {scene.name!r}: {error}")
         return built
+
+    def check_open(self) -> None:
+        """Raises RuntimeError when the device is closed."""
+        if not self._release.alive:
+            raise RuntimeError("the renderer is closed")
 
     def close(self) -> None:
         """Free the device; scenes that it built stay valid for as long as they are held."""

@@ -1,8 +1,12 @@
 """How many threads draw."""
 
 import os
+import threading
 
 import numba
+
+# Numba's last-resort threading layer aborts the process when two threads enter it at once.
+PARALLEL_REGION = threading.Lock()
 
 
 def set_render_threads(count: int) -> None:

@@ -6,12 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from thinknav_sim.render import EmbreeRenderer, Open3DRenderer, Renderer, WarpRenderer
+from thinknav_sim.render import EmbreeRenderer, Open3DRenderer, RasterRenderer, Renderer, WarpRenderer
 from thinknav_sim.scene import Scene
 
 Quad = tuple[Sequence[Sequence[float]], Sequence[Sequence[int]]]
 
 MAKERS: dict[str, Callable[[], Renderer]] = {
+    "raster": lambda: RasterRenderer(EmbreeRenderer()),
     "embree": EmbreeRenderer,
     "embree-4": lambda: EmbreeRenderer(packet_width=4),
     "embree-8": lambda: EmbreeRenderer(packet_width=8),

@@ -1,4 +1,7 @@
-"""Embree and Warp held to Open3D, which shares no code with it past the arguments: the same picture from any pose."""
+"""The rasteriser, Embree and Warp held to Open3D: the same picture from any pose.
+
+Open3D shares no code with them past the arguments.
+"""
 
 from collections.abc import Callable, Iterator
 
@@ -18,7 +21,7 @@ EDGE_SHARE = 1e-3
 SCENE_IDS = [1, 2, 3]
 
 
-@pytest.fixture(scope="module", params=["embree-4", "embree-8", "embree-16", "warp"])
+@pytest.fixture(scope="module", params=["raster", "embree-4", "embree-8", "embree-16", "warp"])
 def drawing(
     request: pytest.FixtureRequest, make_by_name: Callable[[str], Renderer], rooms: tuple[Scene, ...]
 ) -> Iterator[Renderer]:

@@ -1,6 +1,8 @@
 """Scenes come and go, and bad arguments are named, alike in every renderer."""
 
+import contextlib
 import gc
+from collections.abc import Callable
 from typing import Any
 
 import numba
@@ -45,7 +47,7 @@ def test_a_removed_scene_frees_what_embree_built(wall: Scene, monkeypatch: pytes
         scene = renderer.add_scene(wall)
         renderer.cast(scene, np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
         built = renderer._scenes[scene]
-        releases = [built._picture._release, built.watertight._release]
+        releases = [built.picture._release, built.watertight._release]
         del built
         assert all(release.alive for release in releases)
         renderer.remove_scene(scene)
@@ -55,7 +57,7 @@ def test_a_removed_scene_frees_what_embree_built(wall: Scene, monkeypatch: pytes
 def test_a_forgotten_renderer_frees_its_device(wall: Scene) -> None:
     renderer = EmbreeRenderer()
     scene = renderer.add_scene(wall)
-    picture = renderer._scenes[scene]._picture._release
+    picture = renderer._scenes[scene].picture._release
     device = renderer._device._release
     assert picture.alive
     assert device.alive
@@ -126,16 +128,20 @@ def test_an_odd_packet_width_is_refused(width: int) -> None:
         EmbreeRenderer(packet_width=width)
 
 
-def test_any_number_of_threads_draws_the_same(rooms: tuple[Scene, Scene]) -> None:
-    poses = np.random.default_rng(0).uniform(-1, 1, (5, 4))
+@pytest.mark.parametrize("name", ["raster", "embree"])
+@pytest.mark.parametrize("views", [1, 5])
+def test_any_number_of_threads_draws_the_same(
+    make_by_name: Callable[[str], Renderer], name: str, views: int, rooms: tuple[Scene, Scene]
+) -> None:
+    poses = np.random.default_rng(0).uniform(-1, 1, (views, 4))
     pictures = []
     all_threads = numba.get_num_threads()
-    with EmbreeRenderer() as renderer:
+    with contextlib.closing(make_by_name(name)) as renderer:
         scene = renderer.add_scene(rooms[0])
         try:
             for threads in range(1, all_threads + 1):
                 numba.set_num_threads(threads)
-                pictures.append(renderer.render(np.full(5, scene), poses, Camera(31, 23)))
+                pictures.append(renderer.render(np.full(views, scene), poses, Camera(31, 23)))
         finally:
             numba.set_num_threads(all_threads)
     for rgb, depth in pictures:

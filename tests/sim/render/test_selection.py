@@ -1,6 +1,7 @@
 """Which renderer a process gets, and what it says when one cannot run."""
 
 import builtins
+import contextlib
 import importlib.metadata
 import logging
 import subprocess
@@ -16,10 +17,13 @@ from thinknav_sim.render import (
     Camera,
     EmbreeRenderer,
     Open3DRenderer,
+    RasterRenderer,
+    Renderer,
     RendererUnavailable,
     embree,
     embree_library,
     make_renderer,
+    raster,
     selection,
 )
 from thinknav_sim.scene import Scene
@@ -30,11 +34,18 @@ def unwarned() -> None:
     selection._warn_of_fallback.cache_clear()
 
 
+def caster_of(renderer: Renderer) -> Renderer:
+    """What casts a rasteriser's rays."""
+    assert isinstance(renderer, RasterRenderer)
+    return renderer.caster
+
+
 def test_names() -> None:
-    assert isinstance(make_renderer(), EmbreeRenderer)
+    for name in ("auto", "raster"):
+        assert isinstance(caster_of(make_renderer(name)), EmbreeRenderer)
     assert isinstance(make_renderer("embree"), EmbreeRenderer)
     assert isinstance(make_renderer("open3d"), Open3DRenderer)
-    with pytest.raises(ValueError, match="no renderer 'opengl'; there are: auto, embree, open3d, warp"):
+    with pytest.raises(ValueError, match="no renderer 'opengl'; there are: auto, raster, embree, open3d, warp"):
         make_renderer("opengl")
 
 
@@ -43,8 +54,8 @@ def test_a_missing_library_falls_back_with_one_warning(
 ) -> None:
     monkeypatch.setattr(importlib.metadata, "files", lambda package: [])
     with caplog.at_level(logging.WARNING):
-        assert isinstance(make_renderer(), Open3DRenderer)
-        assert isinstance(make_renderer("auto"), Open3DRenderer)
+        assert isinstance(caster_of(make_renderer()), Open3DRenderer)
+        assert isinstance(caster_of(make_renderer("auto")), Open3DRenderer)
     assert len(caplog.records) == 1
     assert "embreex has no Embree 4 library among its files" in caplog.text
     with pytest.raises(RendererUnavailable, match="reinstall it"):
@@ -78,8 +89,14 @@ def blank_picture(*arguments: Any) -> None:
 
 def test_a_wrong_picture_falls_back(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     monkeypatch.setattr(embree, "draw_views", blank_picture)
-    assert isinstance(make_renderer(), Open3DRenderer)
+    assert isinstance(caster_of(make_renderer()), Open3DRenderer)
     assert "a wall at 2.0 m was drawn at 0.0 to 0.0 m" in caplog.text
+
+
+def test_a_wrong_rasteriser_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(raster, "draw_views", blank_picture)
+    with pytest.raises(RendererUnavailable, match=r"a wall at 2\.0 m was drawn at 0\.0 to 0\.0 m"):
+        make_renderer()
 
 
 def test_wrong_hits_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,12 +132,13 @@ def test_importing_the_package_imports_neither_open3d_nor_torch() -> None:
     assert result.stdout.strip() == ""
 
 
-def test_renderers_of_two_threads_do_not_disturb_each_other(rooms: tuple[Scene, Scene]) -> None:
+@pytest.mark.parametrize("name", ["raster", "embree"])
+def test_renderers_of_two_threads_do_not_disturb_each_other(name: str, rooms: tuple[Scene, Scene]) -> None:
     poses, camera = np.random.default_rng(0).uniform(-1, 1, (4, 4)), Camera(40, 40)
     pictures: dict[int, list[Any]] = {0: [], 1: []}
 
     def draw(room: int) -> None:
-        with EmbreeRenderer() as renderer:
+        with contextlib.closing(make_renderer(name)) as renderer:
             scene = renderer.add_scene(rooms[room])
             for _ in range(20):
                 pictures[room].append(renderer.render(np.full(4, scene), poses, camera)[0])

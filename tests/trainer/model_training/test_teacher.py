@@ -15,7 +15,8 @@ from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.success import faces_goal, goal_bearings
 from thinknav_sim.task_config import Action, ObjectNavConfig
 from thinknav_trainer.direction import subgoal_direction
-from thinknav_trainer.model_training.lessons import GOALS_ASKED, Lesson, LessonStream, give_lesson, planner_home
+from thinknav_trainer.model_training.frames import HomeSource
+from thinknav_trainer.model_training.lessons import GOALS_ASKED, Lesson, LessonStream, give_lesson
 from thinknav_trainer.model_training.routes import draw_looks, draw_poses
 from thinknav_trainer.model_training.sentences import all_words
 from thinknav_trainer.model_training.subgoal_batch import mirrored
@@ -30,7 +31,7 @@ TASK = ObjectNavConfig(width=SIZE, height=SIZE)
 @pytest.fixture(scope="module")
 def teacher() -> Iterator[HomeTeacher]:
     renderer = make_renderer()
-    yield HomeTeacher(planner_home(3), renderer, TASK)
+    yield HomeTeacher(HomeSource("planner").scene(3), renderer, TASK)
     renderer.close()
 
 

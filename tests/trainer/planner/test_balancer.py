@@ -8,7 +8,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from thinknav_models import HashedWords
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import (
     EmbedReply,
     EmbedRequest,
@@ -20,7 +20,6 @@ from thinknav_proto import (
     encode_replies,
 )
 from thinknav_trainer.planner import (
-    MOCK_INFO,
     DeadlineExceeded,
     Frame,
     InvalidRequest,
@@ -33,6 +32,7 @@ from thinknav_trainer.planner import (
     SubgoalRequest,
     Unauthenticated,
     Unavailable,
+    mock_info,
     reply_to,
 )
 from thinknav_trainer.planner import member as member_module
@@ -50,7 +50,7 @@ def request(name: str, deadline: float = 30.0) -> SubgoalRequest:
 class Replica:
     """A link to nothing, which does as it is told. asked: the ids of each body; deadlines: of their first requests."""
 
-    def __init__(self, name: str, info: PlannerInfo = MOCK_INFO) -> None:
+    def __init__(self, name: str, info: PlannerInfo = mock_info()) -> None:
         self.name = name
         self.info = info
         self.does: Callable[[SubgoalRequest], SubgoalReply | PlannerError] = lambda r: reply_to(r, f"ask {name}")
@@ -75,7 +75,7 @@ class Replica:
         elif question == "subgoal":
             self.release()
         elif question == "embed":
-            embeddings = HashedWords().encode(decode_embed_request(body).texts)
+            embeddings = shipped_text_encoder().encode(decode_embed_request(body).texts)
             settle(
                 answer, encode_embed_reply(EmbedReply(embedding_space=self.info.embedding_space, embeddings=embeddings))
             )
@@ -290,14 +290,14 @@ def test_a_replica_of_another_embedding_space_is_never_asked(pair: tuple[Replica
     two.gone = Unavailable("restarting")
     for index in range(3):
         ask(balancer, str(index))
-    two.info, two.gone, asked = MOCK_INFO.model_copy(update={"embedding_space": "clip@1"}), None, len(two.asked)
+    two.info, two.gone, asked = mock_info().model_copy(update={"embedding_space": "clip@1"}), None, len(two.asked)
     before = two.introduced
     until(lambda: two.introduced > before + 1)
     assert {who(ask(balancer, str(index))) for index in range(6)} == {"one"}
     assert len(two.asked) == asked
     one.gone = Unavailable("gone too")
     ask(balancer)
-    with pytest.raises(Unavailable, match=r"two embeds in clip@1, but this client began with hashed-words"):
+    with pytest.raises(Unavailable, match=r"two embeds in clip@1, but this client began with thinknav-clip"):
         ask(balancer)
 
 
@@ -308,7 +308,7 @@ def test_replicas_come_and_go() -> None:
     one = Replica("one")
     balancer.add(one)
     balancer._patience = SOON
-    assert balancer.info() == MOCK_INFO
+    assert balancer.info() == mock_info()
     assert who(ask(balancer)) == "one"
     one.frozen = True
     with ThreadPoolExecutor(1) as threads:
@@ -336,7 +336,7 @@ def test_an_error_of_the_whole_body_befalls_each_of_its_requests(pair: tuple[Rep
 
     def send(question: Question, body: bytes, patience: float) -> "Future[bytes]":
         answer: Future[bytes] = Future()
-        settle(answer, encode_error(InvalidRequest("too long")) if question == "subgoal" else encode_info(MOCK_INFO))
+        settle(answer, encode_error(InvalidRequest("too long")) if question == "subgoal" else encode_info(mock_info()))
         return answer
 
     one.send = two.send = send  # type: ignore[method-assign]
@@ -349,7 +349,8 @@ def test_texts_are_embedded_by_whoever_is_there(pair: tuple[Replica, Replica, Ba
     with PlannerClient(balancer) as client:
         for _ in range(2):  # each is asked first once
             one.gone = Unavailable("the cable is out")
-            np.testing.assert_array_equal(client.embed(["find a chair"]), HashedWords().encode(["find a chair"]))
+            expected = shipped_text_encoder().encode(["find a chair"])
+            np.testing.assert_array_equal(client.embed(["find a chair"]), expected)
             one.gone = None
             until(lambda: len(balancer.serving) == 2)
 

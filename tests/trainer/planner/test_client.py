@@ -6,10 +6,9 @@ from collections.abc import Sequence
 import numpy as np
 import pytest
 
-from thinknav_models import HashedWords
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import EmbedReply, EmbedRequest
 from thinknav_trainer.planner import (
-    MOCK_INFO,
     DeadlineExceeded,
     Frame,
     InvalidRequest,
@@ -24,6 +23,7 @@ from thinknav_trainer.planner import (
     SubgoalRequest,
     Unavailable,
     encode_frame,
+    mock_info,
     reply_to,
 )
 
@@ -39,7 +39,7 @@ class Recording(MockTransport):
     """Keeps the bodies that it is asked."""
 
     def __init__(self, **limits: int) -> None:
-        info = MOCK_INFO.model_copy(update={"limits": MOCK_INFO.limits.model_copy(update=limits)})
+        info = mock_info().model_copy(update={"limits": mock_info().limits.model_copy(update=limits)})
         super().__init__(lambda request: "turn left", info=info)
         self.bodies: list[list[str]] = []
         self.texts: list[int] = []
@@ -75,7 +75,7 @@ def test_a_handler_may_say_a_subgoal_give_a_reply_or_fail() -> None:
     first = answers[0]
     assert isinstance(first, SubgoalReply)
     assert (first.request_id, first.subgoal) == ("chair", "turn left toward the chair")
-    np.testing.assert_array_equal(first.embedding, HashedWords().encode([first.subgoal])[0])
+    np.testing.assert_array_equal(first.embedding, shipped_text_encoder().encode([first.subgoal])[0])
     counts = client.counts
     assert (counts.asked, counts.answered, counts.failed) == (4, 2, 2)
 
@@ -142,7 +142,7 @@ def test_texts_are_embedded_in_order_and_in_parts() -> None:
     embeddings = PlannerClient(transport).embed(texts)
     assert transport.texts == [2, 1]
     assert embeddings.dtype == np.float32
-    np.testing.assert_array_equal(embeddings, HashedWords().encode(texts))
+    np.testing.assert_array_equal(embeddings, shipped_text_encoder().encode(texts))
 
 
 def test_embeddings_of_another_space_or_number_are_refused() -> None:

@@ -11,7 +11,6 @@ import pytest
 
 from thinknav_proto import CONTENT_TYPE, Overloaded, encode_error, encode_info
 from thinknav_trainer.planner import (
-    MOCK_INFO,
     DeadlineExceeded,
     Frame,
     HttpTransport,
@@ -21,10 +20,11 @@ from thinknav_trainer.planner import (
     SubgoalRequest,
     Unavailable,
     connect,
+    mock_info,
 )
 
 REQUEST = SubgoalRequest(request_id="0", goal="chair", frame=Frame.raw(np.zeros((2, 2, 3), np.uint8)), deadline=0.05)
-INFO = encode_info(MOCK_INFO)
+INFO = encode_info(mock_info())
 
 
 def http(body: bytes, status: str = "200 OK", kind: str = CONTENT_TYPE) -> bytes:
@@ -99,7 +99,7 @@ def test_a_service_of_another_version_is_a_mismatch_that_names_both() -> None:
     body = msgpack.packb({"version": 2, "info": {}})
     with server(http(body)) as url, pytest.raises(ProtocolMismatch, match="version 1, the other side 2"):
         connect(url)
-    info = encode_info(MOCK_INFO.model_copy(update={"protocol_version": 3}))
+    info = encode_info(mock_info().model_copy(update={"protocol_version": 3}))
     with server(http(info)) as url, pytest.raises(ProtocolMismatch, match="speaks protocol version 3, we 1"):
         connect(url)
 
@@ -114,7 +114,7 @@ def test_proxies_of_the_environment_are_not_asked(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setenv("HTTP_PROXY", free_url())
     monkeypatch.setenv("ALL_PROXY", free_url())
     with server(http(INFO)) as url, connect(url) as client:
-        assert client.info == MOCK_INFO
+        assert client.info == mock_info()
 
 
 def test_no_answer_is_a_deadline_that_has_passed() -> None:

@@ -1,11 +1,12 @@
 """The simulator's figures, one function a comparison. Everything is drawn by one thread, ours and the peers'."""
 
 from collections.abc import Callable, Iterator
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
 
-from thinknav_sim.render import Camera, EmbreeRenderer, Renderer, set_render_threads
+from thinknav_sim.render import Camera, Renderer, make_renderer, set_render_threads
 from thinknav_sim.scene import Scene
 from thinknav_trainer.bench.bare_casts import embree_cast, open3d_cast, view_rays
 from thinknav_trainer.bench.figures import Figure, Timing, compared, rounded, take_turns, timed
@@ -57,7 +58,7 @@ def against_miniworld(homes: list[Scene], peers: Path, repeats: int) -> Iterator
 def against_casts(homes: list[Scene], repeats: int) -> Iterator[Figure]:
     """Finished pictures against casts of the same rays alone, by Open3D and by Embree itself; all homes together."""
     camera = Camera(SIZE, SIZE)
-    with EmbreeRenderer() as renderer:
+    with closing(make_renderer()) as renderer:
         ours = [picture_drawer(renderer, home, camera) for home in homes]
         rays = [view_rays(views_in(home, _VIEWS), camera) for home in homes]
         open3d = [open3d_cast(home, ready) for home, ready in zip(homes, rays, strict=True)]
@@ -78,7 +79,7 @@ def scan(home: Scene, repeats: int) -> Iterator[Figure]:
     Of the memory, the mesh itself is not counted.
     """
     mesh = scan_like(home, SCAN_TRIANGLES)
-    with EmbreeRenderer() as renderer:
+    with closing(make_renderer()) as renderer:
         before = resident_mb()
         draw = picture_drawer(renderer, mesh, Camera(SIZE, SIZE))
         built = resident_mb() - before
@@ -90,12 +91,11 @@ def scan(home: Scene, repeats: int) -> Iterator[Figure]:
 
 def home_memory(homes: list[Scene]) -> Iterator[Figure]:
     """What a home more costs to hold ready for pictures and rays, its arrays included: all agents in it share it."""
-    eye, down = np.ones((1, 3), np.float32), np.array([[0, -1, 0]], np.float32)
-    with EmbreeRenderer() as renderer:
-        renderer.cast(renderer.add_scene(homes[0]), eye, down)
+    with closing(make_renderer()) as renderer:
+        _use(renderer, homes[0])
         before = resident_mb()
         for home in homes:
-            renderer.cast(renderer.add_scene(home), eye, down)
+            _use(renderer, home)
         built = (resident_mb() - before) / len(homes)
     arrays = sum(array.nbytes for home in homes for array in vars(home).values() if isinstance(array, np.ndarray))
     yield Figure("sim.home_memory", rounded(built + arrays / len(homes) / 1e6), "MB/home")
@@ -134,6 +134,13 @@ def picture_drawer(renderer: Renderer, home: Scene, camera: Camera) -> Callable[
     scene_ids = np.full(_VIEWS, renderer.add_scene(home))
     poses = views_in(home, _VIEWS)
     return lambda: renderer.render(scene_ids, poses, camera)
+
+
+def _use(renderer: Renderer, home: Scene) -> None:
+    """Draw a picture in the home and cast a ray: what drawing and casting need is built by the first."""
+    scene_id = renderer.add_scene(home)
+    renderer.render(np.array([scene_id]), views_in(home, 1), Camera(SIZE, SIZE))
+    renderer.cast(scene_id, np.ones((1, 3), np.float32), np.array([[0, -1, 0]], np.float32))
 
 
 def _each(actions: list[Callable[[], object]]) -> Callable[[], None]:

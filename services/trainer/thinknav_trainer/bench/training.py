@@ -144,15 +144,21 @@ def _service(url: str | None) -> Iterator[str]:
 @contextmanager
 def _timed_parts(session: Session) -> Iterator[dict[str, float]]:
     """While the block runs: seconds of drawing, of drawing for the planner alone, and of encoding images to act."""
-    env, visual = session.env.env, session.learner.policy.visual
+    env, policy = session.env.env, session.learner.policy
     parts = {"planner_frames": 0.0, "encoding": 0.0, "rendering": 0.0}
-    frames, began = env.frames, [0.0]
+    frames, look, began = env.frames, policy.look, [0.0]
 
     def timed_frames(*arguments: Any) -> Any:
         start = time.perf_counter()
         pictures = frames(*arguments)
         parts["planner_frames"] += time.perf_counter() - start
         return pictures
+
+    def timed_look(observations: Any) -> Any:
+        start = time.perf_counter()
+        looked = look(observations)
+        parts["encoding"] += time.perf_counter() - start
+        return looked
 
     def begin(*_: Any) -> None:
         began[0] = time.perf_counter()
@@ -161,12 +167,13 @@ def _timed_parts(session: Session) -> Iterator[dict[str, float]]:
         if not torch.is_grad_enabled():  # while learning it belongs to that
             parts["encoding"] += time.perf_counter() - began[0]
 
-    hooks = [visual.register_forward_pre_hook(begin), visual.register_forward_hook(end)]
+    hooks = [policy.vision.register_forward_pre_hook(begin), policy.vision.register_forward_hook(end)]
     env.frames = timed_frames  # type: ignore[method-assign, assignment]
+    policy.look = timed_look  # type: ignore[method-assign]
     with timed_renderer(env) as renderer:
         yield parts
     parts["rendering"] = renderer.seconds
-    del env.frames
+    del env.frames, policy.look
     for hook in hooks:
         hook.remove()
 

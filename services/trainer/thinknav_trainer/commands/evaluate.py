@@ -8,96 +8,149 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_trainer.agents import AGENTS, Obedience
-from thinknav_trainer.config import ConfigError, load_config
-from thinknav_trainer.evaluate import EpisodeRecord, summarize, write_evaluation
-from thinknav_trainer.evaluate_agent import Setting, evaluate_agent, named_agent
+from thinknav_trainer.checkpoint import Checkpoint
+from thinknav_trainer.config import ConfigError, load_config, parse_config
+from thinknav_trainer.episode_sets import EpisodeSet, of_file, of_homes
+from thinknav_trainer.evaluate import Clock, EpisodeRecord, summarize, write_evaluation
+from thinknav_trainer.evaluate_agent import Setting, named_agent, play_agent
 from thinknav_trainer.home_sets import parse_home_set
 from thinknav_trainer.interrupt import Interruption, interruption
+from thinknav_trainer.records import count_failures
 from thinknav_trainer.workflow import connect_if_thinking, evaluate_checkpoint
 
-_POLICY = "a checkpoint's policy"
-_AGENT = "an agent of a name"
-_OBEDIENT = "the agent planner"
+_DEFAULT_HOMES = "val:0-20"
+
+
+CheckpointFile = Annotated[Path | None, typer.Argument(help="a checkpoint file; or give --agent")]
+Planner = Annotated[str | None, typer.Option(help="URL of the planning service, over the configuration's")]
+Output = Annotated[Path | None, typer.Option(help="folder of the result; default: among the run's")]
+StepSeconds = Annotated[float, typer.Option(min=1e-3, help="of a step, for SOT")]
+ThinkSeconds = Annotated[float, typer.Option(min=0, help="of a think, for SOT")]
+
+_WHERE = "Which episodes"
+HomesOption = Annotated[str | None, typer.Option(help="SPLIT:FIRST-END; val:0-20 are 20 homes", rich_help_panel=_WHERE)]
+Episodes = Annotated[int, typer.Option(min=1, help="how many, of homes or of a file", rich_help_panel=_WHERE)]
+EpisodesFile = Annotated[
+    Path | None, typer.Option(help="Habitat's episodes: a file, or a split's folder", rich_help_panel=_WHERE)
+]
+Scenes = Annotated[Path | None, typer.Option(help="folder of the file's scenes", rich_help_panel=_WHERE)]
+
+_POLICY = "A checkpoint's policy"
+Split = Annotated[str, typer.Option(help="held_out or train, of its run", rich_help_panel=_POLICY)]
+Greedy = Annotated[
+    bool, typer.Option("--greedy", help="the likeliest action instead of sampling", rich_help_panel=_POLICY)
+]
+
+_AGENT = "A named agent"
+AgentName = Annotated[str | None, typer.Option(help=", ".join(AGENTS), rich_help_panel=_AGENT)]
+Preset = Annotated[str, typer.Option(help="whose task is played", rich_help_panel=_AGENT)]
+ConfigFile = Annotated[Path | None, typer.Option("--config", help="YAML over the preset", rich_help_panel=_AGENT)]
+Overrides = Annotated[
+    list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="one key", rich_help_panel=_AGENT)
+]
+
+_TOLD = "The agent called planner"
+Context = Annotated[int | None, typer.Option(min=1, help="views it shows: think.context", rich_help_panel=_TOLD)]
+Temperature = Annotated[
+    float | None, typer.Option(min=0, help="of its planner: think.temperature", rich_help_panel=_TOLD)
+]
+StopGate = Annotated[
+    float, typer.Option(min=0, max=1, help="confidence from which stop is believed", rich_help_panel=_TOLD)
+]
+Looks = Annotated[int, typer.Option(min=1, help="replies in a row that must say stop", rich_help_panel=_TOLD)]
+Turns = Annotated[int, typer.Option(min=1, help="turns for one that is told", rich_help_panel=_TOLD)]
+Forwards = Annotated[int, typer.Option(min=1, help="steps forward for one that is told", rich_help_panel=_TOLD)]
 
 
 def evaluate(
-    checkpoint: Annotated[Path | None, typer.Argument(help="a checkpoint file; or --agent")] = None,
-    planner: Annotated[str | None, typer.Option(help="URL of the planning service, over the configuration's")] = None,
-    output: Annotated[Path | None, typer.Option(help="folder of the result; default: among the run's")] = None,
-    split: Annotated[str, typer.Option(help="held_out or train", rich_help_panel=_POLICY)] = "held_out",
-    greedy: Annotated[
-        bool, typer.Option("--greedy", help="the likeliest action instead of sampling", rich_help_panel=_POLICY)
-    ] = False,
-    agent: Annotated[str | None, typer.Option(help=f"one of: {', '.join(AGENTS)}", rich_help_panel=_AGENT)] = None,
-    homes: Annotated[
-        str, typer.Option(help="SPLIT:FIRST-END; val:0-20 are 20 homes", rich_help_panel=_AGENT)
-    ] = "val:0-20",
-    episodes: Annotated[int, typer.Option(min=1, help="in all homes together", rich_help_panel=_AGENT)] = 200,
-    preset: Annotated[str, typer.Option(help="whose task is played", rich_help_panel=_AGENT)] = "cpu",
-    config_file: Annotated[
-        Path | None, typer.Option("--config", help="a YAML file over the preset", rich_help_panel=_AGENT)
-    ] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="one key", rich_help_panel=_AGENT)
-    ] = None,
-    context: Annotated[
-        int | None, typer.Option(min=1, help="views it shows: think.context", rich_help_panel=_OBEDIENT)
-    ] = None,
-    temperature: Annotated[
-        float | None, typer.Option(min=0, help="of the planner: think.temperature", rich_help_panel=_OBEDIENT)
-    ] = None,
-    stop_gate: Annotated[
-        float, typer.Option(min=0, max=1, help="confidence from which stop is believed", rich_help_panel=_OBEDIENT)
-    ] = Obedience.stop_gate,
-    looks: Annotated[
-        int, typer.Option(min=1, help="replies in a row that must say stop", rich_help_panel=_OBEDIENT)
-    ] = Obedience.looks,
-    turns: Annotated[
-        int, typer.Option(min=1, help="turns for one that is told", rich_help_panel=_OBEDIENT)
-    ] = Obedience.turns,
-    forwards: Annotated[
-        int, typer.Option(min=1, help="steps forward for one that is told", rich_help_panel=_OBEDIENT)
-    ] = Obedience.forwards,
+    checkpoint: CheckpointFile = None,
+    planner: Planner = None,
+    output: Output = None,
+    step_seconds: StepSeconds = Clock.step,
+    think_seconds: ThinkSeconds = Clock.think,
+    homes: HomesOption = None,
+    episodes: Episodes = 200,
+    episodes_file: EpisodesFile = None,
+    scenes: Scenes = None,
+    split: Split = "held_out",
+    greedy: Greedy = False,
+    agent: AgentName = None,
+    preset: Preset = "cpu",
+    config_file: ConfigFile = None,
+    overrides: Overrides = None,
+    context: Context = None,
+    temperature: Temperature = None,
+    stop_gate: StopGate = Obedience.stop_gate,
+    looks: Looks = Obedience.looks,
+    turns: Turns = Obedience.turns,
+    forwards: Forwards = Obedience.forwards,
 ) -> None:
-    """Play every episode of a split with a checkpoint's policy, or episodes in unseen homes with a named agent."""
+    """Play episodes with a checkpoint's policy (a split of its run, unless told otherwise) or with a named agent."""
     if (checkpoint is None) == (agent is None):
         raise ConfigError("give either a checkpoint or --agent")
+    if homes is not None and episodes_file is not None:
+        raise ConfigError("give either --homes or --episodes-file")
+    clock = Clock(step_seconds, think_seconds)
+    where = _Where(homes, episodes_file, scenes, episodes)
     with interruption() as interrupted:
         if checkpoint is not None:
-            title = f"{split} episodes of {checkpoint}"
-            folder, records = evaluate_checkpoint(checkpoint, split, interrupted, planner, greedy, output)
+            elsewhere = None
+            if homes is not None or episodes_file is not None:
+                elsewhere = where.open(parse_config(Checkpoint.load(checkpoint).config).env)
+            folder, records = evaluate_checkpoint(
+                checkpoint, split, interrupted, planner, greedy, output, elsewhere=elsewhere, clock=clock
+            )
+            title = f"episodes of {split if elsewhere is None else elsewhere.name}, {checkpoint}"
         else:
-            name = str(agent)
-            title = f"episodes in homes {homes}, agent {name}"
             think = {"planner": planner, "think.context": context, "think.temperature": temperature}
             given = [f"{key}={value}" for key, value in think.items() if value is not None]
             config = load_config(preset, config_file, [*(overrides or ()), *given])
-            setting = Setting(config, Obedience(turns, forwards, stop_gate, looks))
-            folder = output or Path("runs") / "evaluations" / name
-            records = _play(name, homes, episodes, setting, folder, interrupted)
+            setting = Setting(config, Obedience(turns, forwards, stop_gate, looks), clock)
+            folder = output or Path("runs") / "evaluations" / str(agent)
+            records = _play(str(agent), where, setting, folder, interrupted)
+            title = f"episodes of {where.name}, agent {agent}"
     if not interrupted.requested:
         print_summary(title, records)
         Console().print(f"result: {folder / 'result.json'}", soft_wrap=True)
     raise typer.Exit(interrupted.exit_code)
 
 
-def _play(
-    name: str, homes: str, episodes: int, setting: Setting, folder: Path, interrupted: Interruption
-) -> list[EpisodeRecord]:
+class _Where:
+    """The episodes that the options name, made or read when they are wanted."""
+
+    def __init__(self, homes: str | None, file: Path | None, scenes: Path | None, count: int) -> None:
+        self._homes = homes or _DEFAULT_HOMES
+        self._file = file
+        self._scenes = scenes
+        self._count = count
+
+    @property
+    def name(self) -> str:
+        return self._homes if self._file is None else str(self._file)
+
+    def open(self, config: ObjectNavConfig) -> EpisodeSet:
+        if self._file is not None:
+            return of_file(self._file, self._scenes, self._count)
+        return of_homes(parse_home_set(self._homes), self._count, config)
+
+
+def _play(name: str, where: _Where, setting: Setting, folder: Path, interrupted: Interruption) -> list[EpisodeRecord]:
     thinks = named_agent(name).thinks
-    chosen = parse_home_set(homes)
     with ExitStack() as stack:
         planner = connect_if_thinking(setting.config, stack) if thinks else None
-        protocol, records = evaluate_agent(name, chosen, episodes, setting, planner, interrupted)
+        protocol, records = play_agent(name, where.open(setting.config.env), setting, planner, interrupted)
     if not interrupted.requested:
         write_evaluation(folder, protocol, records)
     return records
 
 
 def print_summary(title: str, records: list[EpisodeRecord]) -> None:
-    """A table for people: mean and 95 % interval over episodes."""
+    """A table for people: mean and 95 % interval over episodes, and why episodes failed."""
     table = Table("measure", "mean", "95 % interval", title=f"{len(records)} {title}", title_justify="left")
     for name, row in summarize(records).items():
         table.add_row(name, f"{row['mean']:.3f}", f"{row['low']:.3f} to {row['high']:.3f}")
     Console().print(table)
+    failures = ", ".join(f"{cause} {count}" for cause, count in count_failures(records).items())
+    Console().print(f"failures: {failures or 'none'}", soft_wrap=True)

@@ -6,7 +6,7 @@ again anywhere. Several processes may draw at once (`torch.utils.data.DataLoader
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from torch.utils.data import IterableDataset, get_worker_info
 
 from thinknav_models.subgoal_vlm import MAX_SENTENCES
-from thinknav_sim.homes import generate_home, home_seed
 from thinknav_sim.render import Camera, make_renderer
 from thinknav_sim.scene import GOAL_CATEGORIES, Scene
 from thinknav_sim.task_config import Action, ObjectNavConfig
+from thinknav_trainer.model_training.frames import HomeSource, SceneSource
 from thinknav_trainer.model_training.routes import Looks, draw_looks
 from thinknav_trainer.model_training.sentences import Passage, subgoal_sentence
 from thinknav_trainer.model_training.surroundings import surroundings
@@ -54,27 +54,19 @@ class Lesson:
     plans: list[tuple[int, int, list[str]]]
 
 
-def planner_home(index: int) -> Scene:
-    """Home number `index` of those that planners are trained in."""
-    return generate_home(home_seed("planner", index))
-
-
 class LessonStream(IterableDataset[Lesson]):
-    """Endless visits, from number `start` on, to `homes` homes in turn.
-
-    make_home: home number (below `homes`) to scene.
-    """
+    """Endless visits, from number `start` on, to the first `homes` scenes of a source in turn."""
 
     def __init__(
         self,
         homes: int,
         size: int,
         start: int = 0,
-        make_home: Callable[[int], Scene] = planner_home,
+        source: SceneSource = HomeSource("planner"),
         looks: tuple[int, int, int] = (7, 8, 8),
     ) -> None:
         self.homes, self.size, self.start = homes, size, start
-        self.make_home, self.looks = make_home, looks
+        self.source, self.looks = source, looks
 
     def __iter__(self) -> Iterator[Lesson]:
         worker = get_worker_info()
@@ -82,7 +74,7 @@ class LessonStream(IterableDataset[Lesson]):
         task = ObjectNavConfig(width=self.size, height=self.size)
         renderer = make_renderer()
         while True:
-            teacher = HomeTeacher(self.make_home(number % self.homes), renderer, task)
+            teacher = HomeTeacher(self.source.scene(number % self.homes), renderer, task)
             rng = np.random.default_rng([number, 20_11])
             yield give_lesson(teacher, rng, draw_looks(teacher, rng, *self.looks))
             teacher.close()

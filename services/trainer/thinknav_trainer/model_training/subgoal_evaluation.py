@@ -12,10 +12,10 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from thinknav_models.subgoal_network import SubgoalNetwork
-from thinknav_sim.homes import generate_home, home_seed
-from thinknav_sim.scene import GOAL_CATEGORIES, Scene
+from thinknav_models.subgoal_network import IMAGE_SIZE, SubgoalNetwork
+from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
+from thinknav_trainer.model_training.frames import HomeSource, SceneSource
 from thinknav_trainer.model_training.lessons import Lesson, LessonStream
 from thinknav_trainer.model_training.subgoal_batch import Collator, without_earlier_views
 from thinknav_trainer.model_training.subgoal_losses import answer_hidden
@@ -29,11 +29,6 @@ UNDER_WAY = (6, 6, 0)
 
 _BLANK = 128
 _BINS = 10
-
-
-def validation_home(index: int) -> Scene:
-    """Home number `index` of those that nothing is trained in."""
-    return generate_home(home_seed("val", index))
 
 
 @dataclass(frozen=True)
@@ -55,9 +50,9 @@ class Marks:
         return float((likeliest == self.right)[asked].mean()) if asked.any() else float("nan")
 
 
-def exam_lessons(homes: range, looks: tuple[int, int, int]) -> list[Lesson]:
-    """One visit to each of some validation homes."""
-    stream = iter(LessonStream(homes.stop, 128, homes.start, validation_home, looks))
+def exam_lessons(homes: range, looks: tuple[int, int, int], source: SceneSource = HomeSource("val")) -> list[Lesson]:
+    """One visit to each of some homes."""
+    stream = iter(LessonStream(homes.stop, IMAGE_SIZE, homes.start, source, looks))
     return [next(stream) for _ in homes]
 
 

@@ -5,20 +5,19 @@ Knows nothing of how well it does in homes that it has not seen; `subgoal_evalua
 
 import logging
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
 from torch import nn
-from torch.optim.swa_utils import AveragedModel
 from torch.utils.data import DataLoader
 
 from thinknav_models.subgoal_language import Vocabulary
 from thinknav_models.subgoal_network import IMAGE_SIZE, NetworkConfig, SubgoalNetwork
-from thinknav_sim.scene import Scene
-from thinknav_trainer.model_training.lessons import Lesson, LessonStream, planner_home
+from thinknav_trainer.model_training.frames import HomeSource, SceneSource
+from thinknav_trainer.model_training.lessons import Lesson, LessonStream
 from thinknav_trainer.model_training.sentences import all_words
 from thinknav_trainer.model_training.subgoal_batch import Collator, mirrored, without_earlier_views
 from thinknav_trainer.model_training.subgoal_losses import batch_losses
@@ -34,7 +33,6 @@ THINGS = (
 ROOMS = ("bathroom", "bedroom", "dining room", "hallway", "kitchen", "living room", "studio", "study")
 
 _ALONE = 0.5  # of the looks are at the present view alone
-_AVERAGING = 0.998  # of the weights over updates; the average is what is kept
 _NOTED = 50  # updates that a loss in the progress bar is the mean of, roughly
 
 Lessons = Iterator[list[Lesson]]
@@ -63,7 +61,7 @@ class Schooling:
 
 
 class Pupil:
-    """A network being taught: what is saved and taken up again. average: the network to keep."""
+    """A network being taught: what is saved and taken up again."""
 
     def __init__(self, schooling: Schooling) -> None:
         torch.manual_seed(schooling.seed)
@@ -73,15 +71,8 @@ class Pupil:
         self.optimizer = torch.optim.AdamW(
             self.network.parameters(), lr=schooling.lr, weight_decay=schooling.weight_decay
         )
-        self._averaged = AveragedModel(self.network, multi_avg_fn=_average, use_buffers=True)
         self.updates = 0
         self._collate = Collator(self.vocabulary)
-
-    @property
-    def average(self) -> SubgoalNetwork:
-        network = self._averaged.module
-        assert isinstance(network, SubgoalNetwork)
-        return network
 
     def learn(self, lessons: list[Lesson]) -> dict[str, float]:
         """One update; the losses before it."""
@@ -95,7 +86,6 @@ class Pupil:
         torch.stack(list(losses.values())).sum().backward()  # type: ignore[no-untyped-call]
         nn.utils.clip_grad_norm_(self.network.parameters(), 1.0)
         self.optimizer.step()
-        self._averaged.update_parameters(self.network)
         self.updates += 1
         return {name: float(loss.detach()) for name, loss in losses.items()}
 
@@ -105,7 +95,6 @@ class Pupil:
         state = {
             "schooling": asdict(self.schooling),
             "network": self.network.state_dict(),
-            "averaged": self._averaged.state_dict(),
             "optimizer": self.optimizer.state_dict(),
             "updates": self.updates,
         }
@@ -122,7 +111,6 @@ class Pupil:
                 "go on with the same, or teach in another folder"
             )
         self.network.load_state_dict(state["network"])
-        self._averaged.load_state_dict(state["averaged"])
         self.optimizer.load_state_dict(state["optimizer"])
         self.updates = int(state["updates"])
         logger.info("going on after %d updates of %s", self.updates, path)
@@ -132,17 +120,17 @@ def teach(
     schooling: Schooling,
     folder: Path,
     lessons: Callable[[Schooling, int], Lessons] | None = None,
-    make_home: Callable[[int], Scene] = planner_home,
+    source: SceneSource = HomeSource("planner"),
 ) -> Pupil:
     """Teach a network, or go on with the one in the folder; leaves `checkpoint.pt` there.
 
-    lessons: those from an update on; unless given, drawn in homes that `make_home` makes. Raises SchoolingError.
+    lessons: those from an update on; unless given, drawn in the scenes of `source`. Raises SchoolingError.
     """
     pupil = Pupil(schooling)
     checkpoint = folder / "checkpoint.pt"
     if checkpoint.exists():
         pupil.restore(checkpoint)
-    drawn = lessons(schooling, pupil.updates) if lessons else draw_lessons(schooling, pupil.updates, make_home)
+    drawn = lessons(schooling, pupil.updates) if lessons else draw_lessons(schooling, pupil.updates, source)
     noted: dict[str, float] = {}
     with progress_bar("teaching the subgoal model", schooling.updates, pupil.updates, unit="updates") as bar:
         while pupil.updates < schooling.updates:
@@ -155,9 +143,9 @@ def teach(
     return pupil
 
 
-def draw_lessons(schooling: Schooling, update: int, make_home: Callable[[int], Scene] = planner_home) -> Lessons:
+def draw_lessons(schooling: Schooling, update: int, source: SceneSource = HomeSource("planner")) -> Lessons:
     """The lessons of each update from one on, drawn in a process beside this one."""
-    stream = LessonStream(schooling.homes, IMAGE_SIZE, update * schooling.batch, make_home)
+    stream = LessonStream(schooling.homes, IMAGE_SIZE, update * schooling.batch, source)
     loader = DataLoader(
         stream,
         batch_size=schooling.batch,
@@ -167,15 +155,6 @@ def draw_lessons(schooling: Schooling, update: int, make_home: Callable[[int], S
         multiprocessing_context="spawn",
     )
     return iter(loader)
-
-
-def _average(averages: Sequence[torch.Tensor], values: Sequence[torch.Tensor], _: torch.Tensor | int) -> None:
-    """Exponential averages, in place; counters are copied."""
-    for average, value in zip(averages, values, strict=True):
-        if average.is_floating_point():
-            average.lerp_(value, 1 - _AVERAGING)
-        else:
-            average.copy_(value)
 
 
 def _rate(update: int, schooling: Schooling) -> float:

@@ -5,6 +5,7 @@ boxes, so that it works in imported scans as well. It knows nothing of how objec
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,6 +37,20 @@ class SeenObject:
     object_id: int
 
 
+@dataclass(frozen=True)
+class FramePoints:
+    """What R of a frame's pixels show.
+
+    points: (3, R) float32: x, y and z of where each ray ends, metres. left, forward: (R,) float32, metres to the left
+    of the camera and ahead of it. rays: how many were looked at; R of them met something.
+    """
+
+    points: NDArray[np.float32]
+    left: NDArray[np.float32]
+    forward: NDArray[np.float32]
+    rays: int
+
+
 def objects_in_view(
     scene: Scene,
     poses: NDArray[np.float64],
@@ -50,25 +65,15 @@ def objects_in_view(
     least_share: objects that fill less of the picture are left out; one ray of about 1,000 is 0.001.
     Raises ValueError for shapes that do not fit.
     """
-    points = frame_points(poses, depth, camera)
+    return objects_at(scene, frame_points(poses, depth, camera), least_share)
+
+
+def objects_at(scene: Scene, frames: Sequence[FramePoints], least_share: float) -> list[tuple[SeenObject, ...]]:
+    """The objects that frames show, of which the points are known; see `objects_in_view`."""
     if not scene.objects:
-        return [()] * len(poses)
+        return [()] * len(frames)
     boxes = _Boxes(scene)
-    return [_summary(scene, frame, boxes.owners(frame.points), least_share) for frame in points]
-
-
-@dataclass(frozen=True)
-class FramePoints:
-    """What R of a frame's pixels show.
-
-    points: (3, R) float32: x, y and z of where each ray ends, metres. left, forward: (R,) float32, metres to the left
-    of the camera and ahead of it. rays: how many were looked at; R of them met something.
-    """
-
-    points: NDArray[np.float32]
-    left: NDArray[np.float32]
-    forward: NDArray[np.float32]
-    rays: int
+    return [_summary(scene, frame, boxes.owners(frame.points), least_share) for frame in frames]
 
 
 def frame_points(poses: NDArray[np.float64], depth: NDArray[np.float32], camera: Camera) -> list[FramePoints]:

@@ -26,11 +26,10 @@ from thinknav_trainer.planner.connect import connect
 from thinknav_trainer.planner.frames import encode_frame
 from thinknav_trainer.planner.function_transport import FunctionTransport
 from thinknav_trainer.planner.http_transport import HttpTransport
-from thinknav_trainer.planner.mock_transport import MOCK_INFO, MockTransport, reply_to
+from thinknav_trainer.planner.mock_transport import MockTransport, mock_info, reply_to
 from thinknav_trainer.planner.transport import Transport
 
 __all__ = [
-    "MOCK_INFO",
     "Answer",
     "Counts",
     "DeadlineExceeded",
@@ -52,5 +51,6 @@ __all__ = [
     "Unavailable",
     "connect",
     "encode_frame",
+    "mock_info",
     "reply_to",
 ]

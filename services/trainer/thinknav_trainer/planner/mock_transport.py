@@ -4,10 +4,11 @@ a service.
 with PlannerClient(MockTransport(lambda request: "turn left toward the doorway")) as planner: ...
 """
 
+import functools
 import time
 from collections.abc import Callable, Sequence
 
-from thinknav_models import HashedWords
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import (
     PROTOCOL_VERSION,
     DeadlineExceeded,
@@ -24,27 +25,31 @@ from thinknav_proto import (
 Handler = Callable[[SubgoalRequest], SubgoalReply | PlannerError | str]
 Latency = float | Callable[[SubgoalRequest], float]
 
-MOCK_INFO = PlannerInfo(
-    protocol_version=PROTOCOL_VERSION,
-    planner="mock",
-    revision="0",
-    prompt_hash="none",
-    embedding_space=str(HashedWords().space),
-    limits=Limits(
-        max_frames=4096,
-        max_pixels=4096 * 4096,
-        max_body_bytes=2**30,
-        max_text_length=10_000,
-        max_texts=4096,
-    ),
-)
+
+@functools.cache
+def mock_info() -> PlannerInfo:
+    """What the mock planner says of itself, unless told otherwise."""
+    return PlannerInfo(
+        protocol_version=PROTOCOL_VERSION,
+        planner="mock",
+        revision="0",
+        prompt_hash="none",
+        embedding_space=str(shipped_text_encoder().space),
+        limits=Limits(
+            max_frames=4096,
+            max_pixels=4096 * 4096,
+            max_body_bytes=2**30,
+            max_text_length=10_000,
+            max_texts=4096,
+        ),
+    )
 
 
 class MockTransport:
     """Answers by calling `handler` for each request, in their order, in the caller's thread.
 
     handler: gives a reply, a PlannerError (returned or raised), or the text of a subgoal, which the
-    hashed-words encoder embeds. Any other exception reaches whoever asked.
+    embedded CLIP embeds. Any other exception reaches whoever asked.
     latency: seconds, or a function of the request that gives them. A body takes as long as its slowest
     request, as in a service that answers them side by side; a request slower than its deadline gets DeadlineExceeded.
     sleep: what waits; a test may put its own clock here.
@@ -54,12 +59,12 @@ class MockTransport:
         self,
         handler: Handler,
         latency: Latency = 0.0,
-        info: PlannerInfo = MOCK_INFO,
+        info: PlannerInfo | None = None,
         sleep: Callable[[float], None] = time.sleep,
     ) -> None:
         self._handler = handler
         self._latency = latency
-        self._info = info
+        self._info = info or mock_info()
         self._sleep = sleep
 
     def info(self) -> PlannerInfo:
@@ -73,7 +78,8 @@ class MockTransport:
         return [self._answer(r, latency) for r, latency in zip(requests, latencies, strict=True)]
 
     def embed(self, request: EmbedRequest) -> EmbedReply:
-        return EmbedReply(embedding_space=self._info.embedding_space, embeddings=HashedWords().encode(request.texts))
+        embeddings = shipped_text_encoder().encode(request.texts)
+        return EmbedReply(embedding_space=self._info.embedding_space, embeddings=embeddings)
 
     def close(self) -> None:
         """Nothing is held."""
@@ -89,15 +95,16 @@ class MockTransport:
 
 
 def reply_to(
-    request: SubgoalRequest, subgoal: str, info: PlannerInfo = MOCK_INFO, planned: float = 0.0
+    request: SubgoalRequest, subgoal: str, info: PlannerInfo | None = None, planned: float = 0.0
 ) -> SubgoalReply:
-    """The reply that says `subgoal`, embedded by the hashed-words encoder; in mode "plan" its only step."""
+    """The reply that says `subgoal`, embedded by the embedded CLIP; in mode "plan" its only step."""
+    who = info or mock_info()
     return SubgoalReply(
         request_id=request.request_id,
         subgoal=subgoal,
         instructions=(subgoal,) if request.mode == "plan" else (),
-        embedding=HashedWords().encode([subgoal])[0],
-        planner=info.identity,
-        embedding_space=info.embedding_space,
+        embedding=shipped_text_encoder().encode([subgoal])[0],
+        planner=who.identity,
+        embedding_space=who.embedding_space,
         timings=Timings(queued=0.0, planned=planned, embedded=0.0),
     )

@@ -10,8 +10,9 @@ from thinknav_server.planners.base import Plan, PlanItem, PlannerIdentity
 
 
 class EmbeddedPlanner:
-    """weights: a file of `thinknav models train`, the shipped one unless given. seed: of what is drawn at a temperature.
+    """The subgoal VLM in a file.
 
+    weights: of `thinknav models train`; the shipped ones unless given. seed: of what is drawn at a temperature.
     threads: how many a batch is worked on with; of such a small model, more than one gains little.
     Raises WeightsError for a file that cannot be used.
     """

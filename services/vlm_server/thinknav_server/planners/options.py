@@ -9,7 +9,8 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from thinknav_models import HashedWords, TextEncoder
+from thinknav_models import TextEncoder
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_server.planners.base import Planner
 from thinknav_server.planners.scripted import Script, ScriptedPlanner, load_script
 from thinknav_server.thinking import Thinker
@@ -71,4 +72,4 @@ def _load_foreign(options: PlannerOptions) -> Planner:
 
 
 def _load_text_encoder(_options: PlannerOptions) -> TextEncoder:
-    return HashedWords()
+    return shipped_text_encoder()

@@ -1,0 +1,152 @@
+"""How a policy sees: what it keeps of a step's pictures, and the features that it makes of them.
+
+Two ways: convolutions that learn on RGB-D, or the embedded CLIP, which has learnt already and is asked once a step,
+with small convolutions that learn on depth alone. Knows nothing of what the features are for.
+"""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from thinknav_models.clip.image import ClipImageEncoder
+from thinknav_trainer.config import PolicyConfig
+
+COARSE_DEPTH = 32  # pixels, each way: enough to see what is in the way
+DEPTH_CHANNELS = (16, 32)
+
+
+class EmbeddingSpaceError(ValueError):
+    """Two sides that must share an embedding space do not; the message names both spaces and says what to do."""
+
+
+class Vision(nn.Module, ABC):
+    """Pictures to features: `look` once a step, `prepare` once a rollout, call it once an epoch.
+
+    Called with what `prepare` gave, it returns features (B, visual_size).
+    """
+
+    @abstractmethod
+    def look(self, observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """Observations, rgb (B, H, W, 3) uint8 and depth (B, H, W, 1) float32 among them, as they are to be kept."""
+
+    @abstractmethod
+    def prepare(self, looked: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """What was kept, as the network takes it, in the precision in force."""
+
+
+def make_vision(height: int, width: int, config: PolicyConfig) -> Vision:
+    """The way of seeing that a configuration asks for. Raises WeightsError when the CLIP cannot be read."""
+    if config.image_encoder == "clip":
+        return ClipVision(ClipImageEncoder.load(), config.visual_size)
+    return LearntVision(height, width, config.channels, config.visual_size)
+
+
+class ClipVision(Vision):
+    """The embedded CLIP's features of the RGB, and convolutions on a coarse depth image.
+
+    It keeps features in place of RGB frames: an update then neither runs the CLIP nor holds the pictures. It steers by
+    the 4 x 4 cells of features and not by the embedding that is made of them, which says what is there, and on which
+    side, but hardly how the floor runs to it.
+    """
+
+    def __init__(self, encoder: ClipImageEncoder, out_features: int) -> None:
+        super().__init__()
+        first, second = DEPTH_CHANNELS
+        self.depth = nn.Sequential(
+            nn.Conv2d(1, first, kernel_size=4, stride=2, padding=1),
+            nn.ReLU(),
+            nn.Conv2d(first, second, kernel_size=4, stride=2, padding=1),
+            nn.ReLU(),
+            nn.Flatten(),
+        )
+        flat = second * (COARSE_DEPTH // 4) ** 2
+        self.linear = nn.Sequential(nn.Linear(encoder.feature_size + flat, out_features), nn.ReLU())
+        self._encoder = encoder  # no module: neither trained nor saved with a policy
+        _initialize(self)
+
+    def look(self, observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """`sight` (B, feature_size) and `coarse_depth` (B, 1, 32, 32), both float16, in place of the pictures."""
+        depth = functional.adaptive_avg_pool2d(observations["depth"].permute(0, 3, 1, 2), COARSE_DEPTH)
+        sight = self._encoder.features(observations["rgb"])
+        return _without_pictures(observations) | {"sight": sight, "coarse_depth": depth.to(torch.float16)}
+
+    def prepare(self, looked: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        dtype = _dtype_in_force()
+        return dict(looked) | {
+            "sight": looked["sight"].to(dtype),
+            "coarse_depth": looked["coarse_depth"].to(dtype) - 0.5,
+        }
+
+    def forward(self, prepared: Mapping[str, Tensor]) -> Tensor:
+        features: Tensor = self.linear(torch.cat([prepared["sight"], self.depth(prepared["coarse_depth"])], dim=1))
+        return features
+
+    def get_extra_state(self) -> dict[str, str]:
+        """Which CLIP the weights have learnt to read."""
+        return {"space": str(self._encoder.space)}
+
+    def set_extra_state(self, state: Mapping[str, str]) -> None:
+        """Raises EmbeddingSpaceError for weights that have learnt to read another CLIP."""
+        if state["space"] != str(self._encoder.space):
+            raise EmbeddingSpaceError(
+                f"the policy has learnt to see through the image encoder {state['space']}, and here is "
+                f"{self._encoder.space}; use the ThinkNav that it was trained with"
+            )
+
+
+class LearntVision(Vision):
+    """RGB-D to features: three convolutions, a third of the resolution that they were designed for."""
+
+    def __init__(self, height: int, width: int, channels: tuple[int, int, int], out_features: int) -> None:
+        super().__init__()
+        first, second, third = channels
+        self.convolutions = nn.Sequential(
+            nn.Conv2d(4, first, kernel_size=8, stride=4, padding=2),
+            nn.ReLU(),
+            nn.Conv2d(first, second, kernel_size=4, stride=2, padding=1),
+            nn.ReLU(),
+            nn.Conv2d(second, third, kernel_size=3, stride=2, padding=1),
+            nn.ReLU(),
+            nn.Flatten(),
+        )
+        with torch.no_grad():
+            flat = self.convolutions(torch.zeros(1, 4, height, width)).shape[1]
+        self.linear = nn.Sequential(nn.Linear(flat, out_features), nn.ReLU())
+        _initialize(self)
+
+    def look(self, observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        return dict(observations)
+
+    def prepare(self, looked: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """RGB and depth are joined to one centred `image` (B, H, W, 4)."""
+        rgb, depth = looked["rgb"], looked["depth"]
+        image = torch.empty((*rgb.shape[:3], 4), dtype=_dtype_in_force())
+        image[..., :3] = rgb
+        image[..., :3] /= 255
+        image[..., 3:] = depth
+        image -= 0.5
+        return _without_pictures(looked) | {"image": image}
+
+    def forward(self, prepared: Mapping[str, Tensor]) -> Tensor:
+        features: Tensor = self.linear(self.convolutions(prepared["image"].permute(0, 3, 1, 2)))
+        return features
+
+
+def _without_pictures(observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
+    return {name: value for name, value in observations.items() if name not in ("rgb", "depth")}
+
+
+def _dtype_in_force() -> torch.dtype:
+    return torch.get_autocast_dtype("cpu") if torch.is_autocast_enabled("cpu") else torch.float32
+
+
+def _initialize(module: nn.Module) -> None:
+    """Orthogonal weights, no biases."""
+    for name, parameter in module.named_parameters():
+        if name.endswith("weight"):
+            nn.init.orthogonal_(parameter, nn.init.calculate_gain("relu"))
+        else:
+            nn.init.zeros_(parameter)

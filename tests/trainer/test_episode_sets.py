@@ -1,0 +1,73 @@
+"""Episode files in Habitat's format, with their scenes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from thinknav_sim.episodes import Episode
+from thinknav_sim.habitat import HabitatDataset, HabitatFile, category_ids, to_habitat, write_dataset
+from thinknav_sim.scans import write_scene
+from thinknav_sim.scene import SceneError
+from thinknav_trainer.config import ConfigError, TrainConfig, parse_config
+from thinknav_trainer.episode_sets import of_file
+from thinknav_trainer.scenes import Homes, make_homes
+
+
+def write(folder: Path, episodes: list[Episode]) -> Path:
+    """A split `mine` of these episodes, without goals: they are found anew."""
+    written = [to_habitat(episode, 0) for episode in episodes]
+    file = HabitatFile.model_validate({"episodes": written, **category_ids()})
+    return write_dataset(HabitatDataset(index=file), folder, "mine")
+
+
+def ids(episodes: list[Episode]) -> list[str]:
+    return [episode.episode_id for episode in episodes]
+
+
+def renamed(episodes: list[Episode], name: str) -> list[Episode]:
+    return [Episode(**(vars(episode) | {"scene_name": name})) for episode in episodes]
+
+
+def test_procedural_homes_are_made_again_by_their_names(tmp_path: Path, homes: Homes) -> None:
+    path = write(tmp_path, homes.train)
+    read = of_file(path, None)
+    assert ids(read.episodes) == ids(homes.train)
+    starts = [episode.start_heading for episode in read.episodes]
+    assert starts == pytest.approx([episode.start_heading for episode in homes.train])
+    assert [scene.name for scene in read.scenes] == [scene.name for scene in homes.scenes]
+    np.testing.assert_array_equal(read.scenes[0].triangles, homes.scenes[0].triangles)
+    assert len(of_file(path, None, limit=2).episodes) == 2
+
+
+def test_scenes_are_found_anywhere_in_a_folder(tmp_path: Path, homes: Homes) -> None:
+    path = write(tmp_path, renamed(homes.train, "TEEsavR23oF"))
+    inner = tmp_path / "scenes/val/00800-TEEsavR23oF"
+    inner.mkdir(parents=True)
+    (inner / "TEEsavR23oF.semantic.glb").write_bytes(b"not this one")
+    (inner / "TEEsavR23oF.basis.glb").write_bytes(b"nor this: an imported one is there")
+    write_scene(inner / "TEEsavR23oF.npz", homes.scenes[0], ())
+    (scene,) = of_file(path, tmp_path / "scenes").scenes
+    assert scene.name == "TEEsavR23oF"
+    assert len(scene.triangles) == len(homes.scenes[0].triangles)
+
+
+def test_scenes_that_are_not_there_are_named(tmp_path: Path, homes: Homes) -> None:
+    path = write(tmp_path, renamed(homes.train, "TEEsavR23oF"))
+    with pytest.raises(SceneError, match=r"plays in 1 scenes .* such as 'TEEsavR23oF': no folder of scenes was given"):
+        of_file(path, None)
+    (tmp_path / "scenes").mkdir()
+    with pytest.raises(SceneError, match=r"scenes there is no TEEsavR23oF.glb \(nor .npz, .basis.glb"):
+        of_file(path, tmp_path / "scenes")
+    with pytest.raises(SceneError, match="scenes' folder absent does not exist"):
+        of_file(path, Path("absent"))
+
+
+def test_a_run_trains_on_a_file(tmp_path: Path, homes: Homes, smoke: TrainConfig) -> None:
+    path = write(tmp_path, homes.train)
+    scenes = smoke.scenes.model_copy(update={"episodes_file": str(path), "held_out": 0.2})
+    made = make_homes(smoke.model_copy(update={"scenes": scenes}))
+    assert sorted(ids([*made.train, *made.held_out])) == sorted(ids(homes.train))
+    assert len(made.held_out) == round(0.2 * len(homes.train))
+    with pytest.raises(ConfigError, match="scans and episodes_file exclude each other"):
+        parse_config({"scenes": {"scans": ["a.glb"], "episodes_file": "b.json.gz"}})
