@@ -10,13 +10,14 @@ import typer
 from pydantic import ValidationError
 
 from thinknav_proto import PlannerError, describe
+from thinknav_server.bench.cli import app as bench_app
 from thinknav_server.check import check_planner
 from thinknav_server.cli_sections import planner_options, process_settings, takes
-from thinknav_server.hosts import Host, PlannerProcess, PlannerThread
+from thinknav_server.hosts import Host, PlannerInLoop, PlannerProcess, PlannerThread
 from thinknav_server.hosts.process import ProcessSettings
 from thinknav_server.http import create_app
 from thinknav_server.logs import configure_logs
-from thinknav_server.planners.options import PlannerOptions, load_thinker
+from thinknav_server.planners.options import PlannerOptions, load_text_encoder, load_thinker
 from thinknav_server.server import bind, run, stop_at_end_of_input
 from thinknav_server.service import PlanningService
 from thinknav_server.settings import Settings
@@ -27,6 +28,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"auto_envvar_prefix": "THINKNAV_SERVER"},
 )
+
+
+app.add_typer(bench_app, name="bench")
 
 
 @app.callback()
@@ -98,9 +102,13 @@ def main() -> None:
 
 def _host(planner: PlannerOptions, process: ProcessSettings) -> Host:
     """The planner, loaded. Raises ValueError saying why it cannot be."""
-    if planner.cheap:
+    if planner.planner == "scripted":
         thinker = load_thinker(planner)
         return PlannerThread(thinker.planner, thinker.text_encoder)
+    if planner.planner == "openai":
+        from thinknav_server.planners.openai import OpenAIPlanner
+
+        return PlannerInLoop(OpenAIPlanner(planner.openai), load_text_encoder(planner), planner.openai.concurrency)
     return PlannerProcess(planner, process)
 
 

@@ -55,7 +55,7 @@ class PlanningService:
         self._cache = ReplyCache(settings.cache_size)
         self._batcher: Batcher[Question, Thought] = Batcher(
             host.think,
-            max_batch=settings.max_batch,
+            max_batch=min(settings.max_batch, host.batch_limit or settings.max_batch),
             max_wait=settings.max_wait,
             queue_size=settings.queue_size,
             slots=host.slots,

@@ -58,6 +58,7 @@ class PlannerProcess:
     """
 
     slots = 1
+    batch_limit = None
 
     def __init__(self, options: PlannerOptions, settings: ProcessSettings | None = None) -> None:
         self._settings = settings or ProcessSettings()
