@@ -70,7 +70,7 @@ async def _closed_loop(url: str, requests: Sequence[bytes], clients: int, second
             answer = await connection.ask(next(turns))
             if began <= time.perf_counter() < until:
                 tally.answers.append(answer)
-        connection.close()
+        await connection.close()
 
     await asyncio.gather(*(client() for _ in range(clients)))
     tally.seconds = seconds
@@ -99,7 +99,7 @@ async def _open_loop(url: str, requests: Sequence[bytes], rate: float, seconds: 
         await asyncio.sleep(0.002)
     await asyncio.gather(*asking)
     for connection in idle:
-        connection.close()
+        await connection.close()
     return tally
 
 
@@ -124,5 +124,6 @@ class _Connection:
         await self._reader.readexactly(length)
         return time.perf_counter() - began, int(head.split(b" ", 2)[1])
 
-    def close(self) -> None:
+    async def close(self) -> None:
         self._writer.close()
+        await self._writer.wait_closed()
