@@ -3,12 +3,13 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help setup demo test bench bench-peers soak check format pins clean
+.PHONY: help setup demo test test-upstreams bench bench-peers bench-server bench-server-peers soak check format pins clean
 
 help:
 	@echo 'make demo    train a robot that thinks, evaluate it, write runs/demo/report.html (about 10 minutes)'
 	@echo 'make test    formatting, lint, types, tests'
 	@echo 'make bench   the simulator'\''s speed beside MiniWorld, Open3D and bare ray casts (some minutes)'
+	@echo 'make bench-server  the planning service beside LitServe, and under overload (some minutes)'
 	@echo 'make soak    20 minutes of stepping through ever new homes: memory stays flat (MINUTES=1 for a short one)'
 	@echo 'make setup   only install: .venv with pinned versions'
 	@echo 'make format  format the code'
@@ -23,7 +24,7 @@ setup: .venv/installed
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv \
 	  || { echo "could not make .venv; on Debian: sudo apt-get install python3-venv" >&2; exit 1; }
 	@echo 'installing into .venv (a few minutes the first time)'
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[server,train,scans,dev]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[server,vlm,train,scans,dev]'
 	@touch $@
 
 demo: setup
@@ -42,6 +43,18 @@ bench-peers: .venv-peers/installed
 .venv-peers/installed:
 	@$(PYTHON) -m venv .venv-peers
 	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check miniworld==2.1.0 'pyglet<2'
+	@touch $@
+
+# The planning service beside LitServe, which has a virtual environment of its own.
+bench-server: setup bench-server-peers
+	@$(BIN)/thinknav-server bench throughput
+	@$(BIN)/thinknav-server bench overload
+
+bench-server-peers: .venv-serving/installed
+
+.venv-serving/installed:
+	@$(PYTHON) -m venv .venv-serving
+	@.venv-serving/bin/python -m pip install --quiet --disable-pip-version-check litserve==0.2.19 simplejpeg numpy
 	@touch $@
 
 MINUTES ?= 20
@@ -64,5 +77,5 @@ pins: setup
 	@mv constraints.new constraints.txt
 
 clean:
-	rm -rf .venv .venv-peers .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-peers .venv-serving .venv-upstreams .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
