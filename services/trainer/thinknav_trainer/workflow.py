@@ -8,7 +8,7 @@ from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.config import ConfigError, TrainConfig, parse_config
 from thinknav_trainer.evaluate import EpisodeRecord, evaluate, write_evaluation
 from thinknav_trainer.interrupt import Interruption
-from thinknav_trainer.planner import PlannerClient, PlannerError, connect
+from thinknav_trainer.planner import PlannerClient, PlannerError, connect, read_token
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.run import Run, RunError, newest_checkpoint, read_config
 from thinknav_trainer.scenes import Homes, make_homes
@@ -29,9 +29,11 @@ def connect_if_thinking(config: TrainConfig, stack: ExitStack) -> PlannerClient 
     """
     if config.think.strategy == "never":
         return None
+    where = config.planner
     try:
-        return stack.enter_context(connect(config.planner))
-    except PlannerError as error:
+        token = read_token(where.token_file)
+        return stack.enter_context(connect(where.url, token=token, tls_ca=where.tls_ca))
+    except (PlannerError, ValueError) as error:
         raise ConfigError(str(error)) from None
 
 
@@ -82,9 +84,7 @@ def evaluate_checkpoint(
     if split not in SPLITS:
         raise ConfigError(f"there is no split {split!r}; there are {' and '.join(SPLITS)}")
     checkpoint = Checkpoint.load(path)
-    config = parse_config(checkpoint.config)
-    if planner_url is not None:
-        config = config.model_copy(update={"planner": planner_url})
+    config = parse_config(checkpoint.config).with_planner(planner_url)
     folder = output or path.parent.parent / "evaluations" / f"{path.stem}-{split}"
     with ExitStack() as stack:
         planner = connect_if_thinking(config, stack)
