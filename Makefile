@@ -3,13 +3,14 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help setup demo test bench bench-peers soak check format pins clean
+.PHONY: help setup demo test bench bench-peers soak fuzz check format pins clean
 
 help:
 	@echo 'make demo    train a robot that thinks, evaluate it, write runs/demo/report.html (about 10 minutes)'
 	@echo 'make test    formatting, lint, types, tests'
 	@echo 'make bench   the simulator'\''s speed beside MiniWorld, Open3D and bare ray casts (some minutes)'
 	@echo 'make soak    20 minutes of stepping through ever new homes: memory stays flat (MINUTES=1 for a short one)'
+	@echo 'make fuzz    100,000 bodies that no client would send, at both doors of the planning service (some 20 minutes of one core)'
 	@echo 'make setup   only install: .venv with pinned versions'
 	@echo 'make format  format the code'
 	@echo 'make clean   remove what was made, but for runs/'
@@ -47,6 +48,11 @@ bench-peers: .venv-peers/installed
 MINUTES ?= 20
 soak: setup
 	@$(BIN)/thinknav bench soak --minutes $(MINUTES)
+
+# Three kinds of bodies at two doors each.
+CASES ?= 100000
+fuzz: setup
+	FUZZ_CASES=$$(($(CASES) / 6)) $(BIN)/pytest tests/server/test_fuzz.py
 
 check: setup
 	$(BIN)/ruff format --check

@@ -98,6 +98,7 @@ class PlanningService:
             subgoal=thought.plan.instructions[0],
             instructions=thought.plan.instructions if request.mode == "plan" else (),
             embedding=thought.embedding,
+            embedding_space=self.info.embedding_space,
             confidence=thought.plan.confidence,
             planner=self.info.identity,
             timings=Timings(queued=batched.queued, planned=thought.planned, embedded=thought.embedded),

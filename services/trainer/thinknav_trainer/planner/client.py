@@ -104,7 +104,8 @@ class PlannerClient:
         if len(answers) != len(requests):
             mismatch = ProtocolMismatch(f"the service gave {len(answers)} answers to {len(requests)} requests")
             return [mismatch] * len(requests)
-        return [_checked(request, answer) for request, answer in zip(requests, answers, strict=True)]
+        space = self._info.embedding_space
+        return [_checked(request, answer, space) for request, answer in zip(requests, answers, strict=True)]
 
     def _embed_body(self, texts: Sequence[str]) -> NDArray[np.float32]:
         reply = self._transport.embed(EmbedRequest(texts=tuple(texts)))
@@ -134,7 +135,15 @@ def _bodies(requests: Sequence[SubgoalRequest], limits: Limits) -> Iterator[list
         yield body
 
 
-def _checked(request: SubgoalRequest, answer: SubgoalReply | PlannerError) -> SubgoalReply | PlannerError:
-    if isinstance(answer, SubgoalReply) and answer.request_id != request.request_id:
+def _checked(
+    request: SubgoalRequest, answer: SubgoalReply | PlannerError, embedding_space: str
+) -> SubgoalReply | PlannerError:
+    if isinstance(answer, PlannerError):
+        return answer
+    if answer.request_id != request.request_id:
         return ProtocolMismatch(f"the service answered {answer.request_id[:64]!r} to {request.request_id!r}")
+    if answer.embedding_space not in (None, embedding_space):
+        return ProtocolMismatch(
+            f"the service now embeds in {answer.embedding_space}, not in {embedding_space} as it said"
+        )
     return answer
