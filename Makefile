@@ -3,7 +3,7 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help setup demo test test-upstreams bench bench-peers bench-server bench-server-peers soak check format pins clean
+.PHONY: help setup demo test test-upstreams bench bench-peers bench-server bench-server-peers soak fuzz check format pins clean
 
 help:
 	@echo 'make demo    train a robot that thinks, evaluate it, write runs/demo/report.html (about 10 minutes)'
@@ -11,6 +11,7 @@ help:
 	@echo 'make bench   the simulator'\''s speed beside MiniWorld, Open3D and bare ray casts (some minutes)'
 	@echo 'make bench-server  the planning service beside LitServe, and under overload (some minutes)'
 	@echo 'make soak    20 minutes of stepping through ever new homes: memory stays flat (MINUTES=1 for a short one)'
+	@echo 'make fuzz    100,000 bodies that no client would send, at both doors of the planning service (some 20 minutes of one core)'
 	@echo 'make setup   only install: .venv with pinned versions'
 	@echo 'make format  format the code'
 	@echo 'make clean   remove what was made, but for runs/'
@@ -60,6 +61,11 @@ bench-server-peers: .venv-serving/installed
 MINUTES ?= 20
 soak: setup
 	@$(BIN)/thinknav bench soak --minutes $(MINUTES)
+
+# Three kinds of bodies at two doors each.
+CASES ?= 100000
+fuzz: setup
+	FUZZ_CASES=$$(($(CASES) / 6)) $(BIN)/pytest tests/server/test_fuzz.py
 
 check: setup
 	$(BIN)/ruff format --check
