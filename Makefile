@@ -34,6 +34,10 @@ demo: setup
 test: setup check
 	$(BIN)/pytest
 
+# The planner `openai` against a real vLLM and `transformers serve`; downloads gigabytes into .venv-upstreams.
+test-upstreams: setup
+	@scripts/upstreams/run
+
 bench: setup bench-peers
 	@$(BIN)/thinknav bench sim
 

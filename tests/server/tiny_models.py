@@ -1,5 +1,6 @@
 """Random models small enough for a test, written to disk as real checkpoints are. Nothing is downloaded."""
 
+import json
 from pathlib import Path
 
 import torch
@@ -22,6 +23,12 @@ _MARKS = [
     "<|image_pad|>",
     "<|video_pad|>",
 ]
+_CHAT = (
+    "{% for m in messages %}<|im_start|>{{ m['role'] }}\n{% if m['content'] is string %}{{ m['content'] }}{% else %}"
+    "{% for c in m['content'] %}{% if c['type'] == 'text' %}{{ c['text'] }}{% else %}"
+    "<|vision_start|><|image_pad|><|vision_end|>{% endif %}{% endfor %}{% endif %}<|im_end|>\n{% endfor %}"
+    "{% if add_generation_prompt %}<|im_start|>assistant\n{% endif %}"
+)
 _WORDS = ["turn left toward the doorway and find the chair", "system user assistant move forward stop"]
 
 
@@ -37,8 +44,11 @@ def _tokenizer(end: str) -> PreTrainedTokenizerFast:
     )
 
 
-def write_qwen3_vl(folder: Path, seed: int = 0) -> Path:
-    """A Qwen3-VL of a quarter of a million parameters; 256 x 256 pixels make 64 image tokens."""
+def write_qwen3_vl(folder: Path, seed: int = 0, head_dim: int = 16, video: bool = False) -> Path:
+    """A Qwen3-VL of a quarter of a million parameters; 256 x 256 pixels make 64 image tokens.
+
+    head_dim, video: vLLM wants heads of 32 values; transformers' own processor wants settings for videos.
+    """
     tokenizer = _tokenizer("<|im_end|>")
     number = tokenizer.convert_tokens_to_ids
     torch.manual_seed(seed)
@@ -49,12 +59,12 @@ def write_qwen3_vl(folder: Path, seed: int = 0) -> Path:
         "num_hidden_layers": 2,
         "num_attention_heads": 4,
         "num_key_value_heads": 2,
-        "head_dim": 16,
+        "head_dim": head_dim,
         "max_position_embeddings": 4096,
         "rope_parameters": {
             "rope_type": "default",
             "rope_theta": 10000.0,
-            "mrope_section": [4, 2, 2],
+            "mrope_section": [head_dim // 4, head_dim // 8, head_dim // 8],
             "mrope_interleaved": True,
         },
         "eos_token_id": number("<|im_end|>"),
@@ -85,7 +95,21 @@ def write_qwen3_vl(folder: Path, seed: int = 0) -> Path:
     Qwen3VLForConditionalGeneration(config).save_pretrained(folder)
     tokenizer.save_pretrained(folder)
     image_processor().save_pretrained(folder)
+    if video:
+        _write_for_servers(folder)
     return folder
+
+
+def _write_for_servers(folder: Path) -> None:
+    """What servers read besides: which processor to make, settings for videos, and how to lay out a chat."""
+    settings = {"image_processor_type": "Qwen2VLImageProcessor", "processor_class": "Qwen3VLProcessor"}
+    for name, more in (
+        ("preprocessor_config.json", settings),
+        ("video_preprocessor_config.json", {"video_processor_type": "Qwen3VLVideoProcessor"}),
+    ):
+        values = image_processor().to_dict() | more
+        (folder / name).write_text(json.dumps(values))
+    (folder / "chat_template.jinja").write_text(_CHAT)
 
 
 def image_processor() -> Qwen2VLImageProcessorPil:
