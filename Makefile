@@ -3,13 +3,15 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help setup demo test bench bench-peers soak check format pins clean
+.PHONY: help setup demo test test-upstreams bench bench-peers bench-server bench-server-peers soak fuzz check format pins clean
 
 help:
 	@echo 'make demo    train a robot that thinks, evaluate it, write runs/demo/report.html (about 10 minutes)'
 	@echo 'make test    formatting, lint, types, tests'
 	@echo 'make bench   the simulator'\''s speed beside MiniWorld, Open3D and bare ray casts (some minutes)'
+	@echo 'make bench-server  the planning service beside LitServe, and under overload (some minutes)'
 	@echo 'make soak    20 minutes of stepping through ever new homes: memory stays flat (MINUTES=1 for a short one)'
+	@echo 'make fuzz    100,000 bodies that no client would send, at both doors of the planning service (some 20 minutes of one core)'
 	@echo 'make setup   only install: .venv with pinned versions'
 	@echo 'make format  format the code'
 	@echo 'make clean   remove what was made, but for runs/'
@@ -23,7 +25,7 @@ setup: .venv/installed
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv \
 	  || { echo "could not make .venv; on Debian: sudo apt-get install python3-venv" >&2; exit 1; }
 	@echo 'installing into .venv (a few minutes the first time)'
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[server,train,scans,dev]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[server,vlm,train,scans,dev]'
 	@touch $@
 
 demo: setup
@@ -31,6 +33,10 @@ demo: setup
 
 test: setup check
 	$(BIN)/pytest
+
+# The planner `openai` against a real vLLM and `transformers serve`; downloads gigabytes into .venv-upstreams.
+test-upstreams: setup
+	@scripts/upstreams/run
 
 bench: setup bench-peers
 	@$(BIN)/thinknav bench sim
@@ -44,9 +50,26 @@ bench-peers: .venv-peers/installed
 	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check miniworld==2.1.0 'pyglet<2'
 	@touch $@
 
+# The planning service beside LitServe, which has a virtual environment of its own.
+bench-server: setup bench-server-peers
+	@$(BIN)/thinknav-server bench throughput
+	@$(BIN)/thinknav-server bench overload
+
+bench-server-peers: .venv-serving/installed
+
+.venv-serving/installed:
+	@$(PYTHON) -m venv .venv-serving
+	@.venv-serving/bin/python -m pip install --quiet --disable-pip-version-check litserve==0.2.19 simplejpeg numpy
+	@touch $@
+
 MINUTES ?= 20
 soak: setup
 	@$(BIN)/thinknav bench soak --minutes $(MINUTES)
+
+# Three kinds of bodies at two doors each.
+CASES ?= 100000
+fuzz: setup
+	FUZZ_CASES=$$(($(CASES) / 6)) $(BIN)/pytest tests/server/test_fuzz.py
 
 check: setup
 	$(BIN)/ruff format --check
@@ -64,5 +87,5 @@ pins: setup
 	@mv constraints.new constraints.txt
 
 clean:
-	rm -rf .venv .venv-peers .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-peers .venv-serving .venv-upstreams .mypy_cache .pytest_cache .ruff_cache .hypothesis
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +

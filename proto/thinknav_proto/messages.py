@@ -118,18 +118,18 @@ class SubgoalReply(Told):
 
     subgoal: a short instruction ("turn left toward the doorway"); in mode "plan" the first of `instructions`.
     instructions: in mode "plan", at least one; else empty.
-    embedding: (512,) float32, of the subgoal.
+    embedding: (512,) float32, of the subgoal. embedding_space: where it lies, or None from a service that does not say.
     confidence: 0 to 1, or None from a planner that has none.
-    planner: who answered, as name@revision. embedding_space: of the embedding; None from a service that does not say.
+    planner: who answered, as name@revision.
     """
 
     request_id: str
     subgoal: Text
     instructions: tuple[Text, ...] = ()
     embedding: Embedding
+    embedding_space: Identity | None = None
     confidence: Annotated[float, Field(ge=0, le=1)] | None = None
     planner: Identity
-    embedding_space: Identity | None = None
     timings: Timings
 
 

@@ -3,7 +3,7 @@
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import pytest
@@ -28,13 +28,16 @@ def wait_for_url(announced: Path, process: "subprocess.Popen[str]") -> str:
 
 @pytest.fixture(scope="session")
 def start_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StartService]:
-    """Starts `thinknav-server serve` with more options; gives its URL and process. All are ended with the tests."""
+    """Starts `thinknav-server serve` with more options; gives its URL and process. All are ended with the tests.
+
+    prefix: a command that the service is run by, such as `ip netns exec`.
+    """
     processes: list[subprocess.Popen[str]] = []
     folder = tmp_path_factory.mktemp("services")
 
-    def start(*options: str) -> tuple[str, "subprocess.Popen[str]"]:
+    def start(*options: str, prefix: Sequence[str] = ()) -> tuple[str, "subprocess.Popen[str]"]:
         announced = folder / f"url-{len(processes)}"
-        command = [str(Path(sys.executable).with_name("thinknav-server")), "serve", "--port", "0"]
+        command = [*prefix, str(Path(sys.executable).with_name("thinknav-server")), "serve", "--port", "0"]
         command += ["--log-level", "warning"]  # a line for each request would fill the pipe, which nobody empties
         process = subprocess.Popen(
             [*command, "--announce", str(announced), *options],

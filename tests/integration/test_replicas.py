@@ -3,6 +3,8 @@
 Whatever befalls a replica, each question has one answer, and in time.
 """
 
+import os
+import shutil
 import signal
 import socket
 import subprocess
@@ -41,9 +43,18 @@ def free_port() -> int:
 class Replica:
     """A service that says its own name, and can be started again where it was."""
 
-    def __init__(self, start: StartService, folder: Path, name: str, *options: str) -> None:
-        self.name = name
+    def __init__(
+        self,
+        start: StartService,
+        folder: Path,
+        name: str,
+        *options: str,
+        host: str = "127.0.0.1",
+        prefix: Sequence[str] = (),
+    ) -> None:
         self._start = start
+        self._host = host
+        self._prefix = prefix
         self._port, self._zenoh_port = free_port(), free_port()
         script = folder / f"{name}.yaml"
         script.write_text(f"default: [turn left to {name}]\n")
@@ -52,15 +63,15 @@ class Replica:
 
     @property
     def http(self) -> str:
-        return f"http://127.0.0.1:{self._port}"
+        return f"http://{self._host}:{self._port}"
 
     @property
     def zenoh(self) -> str:
-        return f"127.0.0.1:{self._zenoh_port}"
+        return f"{self._host}:{self._zenoh_port}"
 
     def start(self) -> None:
-        ports = ("--port", str(self._port), "--zenoh", self.zenoh)
-        _, self.process = self._start(*ports, *self._options)
+        where = ("--host", self._host, "--port", str(self._port), "--zenoh", self.zenoh)
+        _, self.process = self._start(*where, *self._options, prefix=self._prefix)
 
     def kill(self) -> None:
         self.process.kill()
@@ -206,6 +217,61 @@ def test_all_are_gone_and_come_back(replicas: tuple[Replica, Replica, Asking]) -
     until(lambda: asking.all_answer({"one", "two"}))
 
 
+HERE, THERE = "169.254.77.1", "169.254.77.2"
+
+
+@pytest.fixture
+def namespace() -> Iterator[tuple[str, str]]:
+    """The names of a network namespace that reaches this one over a pair of interfaces, and of ours of these."""
+    name, ours, theirs = f"thinknav-{os.getpid()}", f"tn-a{os.getpid() % 100_000}", f"tn-b{os.getpid() % 100_000}"
+    steps = [
+        f"ip netns add {name}",
+        f"ip link add {ours} type veth peer name {theirs} netns {name}",
+        f"ip addr add {HERE}/30 dev {ours}",
+        f"ip link set {ours} up",
+        f"ip -n {name} addr add {THERE}/30 dev {theirs}",
+        f"ip -n {name} link set {theirs} up",
+        f"ip -n {name} link set lo up",
+    ]
+    try:
+        for step in steps:
+            try:
+                done = subprocess.run(step.split(), capture_output=True, text=True, check=False)
+            except FileNotFoundError:
+                pytest.skip("there is no command `ip` to make network namespaces with")
+            if done.returncode:
+                pytest.skip(f"network namespaces cannot be made here ({step}: {done.stderr.strip()})")
+        yield name, ours
+    finally:
+        if shutil.which("ip"):
+            subprocess.run(["ip", "netns", "del", name], capture_output=True, check=False)
+            subprocess.run(["ip", "link", "del", ours], capture_output=True, check=False)
+
+
+def test_the_network_is_cut_between_two_namespaces(
+    start_service: StartService, tmp_path: Path, namespace: tuple[str, str]
+) -> None:
+    name, interface = namespace
+    slow = ("--latency", "0.3", "--max-batch", "4")
+    near = Replica(start_service, tmp_path, "near", *slow)
+    prefix = ("ip", "netns", "exec", name)
+    far = Replica(start_service, tmp_path, "far", *slow, "--insecure", host=THERE, prefix=prefix)
+    try:
+        with connect(f"{near.http},{far.http}") as http, connect(f"zenoh://{near.zenoh},{far.zenoh}") as zenoh:
+            asking = Asking([http, zenoh])
+            until(lambda: asking.all_answer({"near", "far"}))
+            asked = asking.begin(16)
+            time.sleep(0.2)
+            subprocess.run(["ip", "link", "set", interface, "down"], check=True)
+            assert answers_of(asked).count("near") > 16
+            until(lambda: asking.all_answer({"near"}))
+            subprocess.run(["ip", "link", "set", interface, "up"], check=True)
+            until(lambda: asking.all_answer({"near", "far"}))
+    finally:
+        for replica in (near, far):
+            replica.kill()
+
+
 def test_64_clients_ask_while_their_only_service_is_killed_and_restarted(
     start_service: StartService, tmp_path: Path
 ) -> None:
@@ -216,7 +282,7 @@ def test_64_clients_ask_while_their_only_service_is_killed_and_restarted(
 
     def ask_on(index: int) -> None:
         alone = Asking([clients[index]])
-        while not stop.wait(0.05):
+        while not stop.wait(0.1):
             told[index].append(alone._ask(clients[index]))
 
     threads = [threading.Thread(target=ask_on, args=(index,)) for index in range(len(clients))]

@@ -27,8 +27,8 @@ from thinknav_trainer.scenes import Homes, make_homes
 from thinknav_trainer.train import train
 
 RESTARTS = int(os.environ.get("THINKNAV_RESTARTS", "2"))
-TIMEOUT_S = 120.0
-OVERRIDES = ("deterministic=false", "total_steps=100000000", "policy.think_bias=1", "think.strategy=agent")
+TIMEOUT_S = 300.0
+OVERRIDES = ("deterministic=false", "total_steps=100000000", "policy.think_bias=1", "think.patience=600")
 SERVER = "from thinknav_server.cli import main; main()"
 ANOTHER_SPACE = (
     "from thinknav_models import EmbeddingSpace; from thinknav_models.clip import ClipTextEncoder; "
@@ -87,6 +87,8 @@ class Training:
             train(self._run, homes, self._client, self.interruption)
         except PlannerError as error:
             self.error = error
+        finally:
+            self._run.close()
 
     def last(self, name: str) -> float:
         """A metric of the last update; 0 before the first."""
@@ -127,7 +129,6 @@ class Training:
     def join(self) -> None:
         self._thread.join(TIMEOUT_S)
         assert not self._thread.is_alive()
-        self._run.close()
 
 
 def test_a_service_that_is_killed_and_started_again(tmp_path: Path, homes: Homes) -> None:

@@ -1,6 +1,7 @@
 """The HTTP door: content types, statuses, limits while streaming, and errors in the contract's form."""
 
 import asyncio
+import base64
 import json
 import re
 from collections.abc import AsyncIterator, Iterator
@@ -48,9 +49,10 @@ JPEG = simplejpeg.encode_jpeg(RGB)
 class Client:
     """Calls the application without a network; as a context manager, within its lifespan."""
 
-    def __init__(self, failure_rate: float = 0.0) -> None:
+    def __init__(self, failure_rate: float = 0.0, show_frames: bool = False) -> None:
         planner = ScriptedPlanner(SCRIPT, failure_rate=failure_rate)
-        service = PlanningService(PlannerThread(planner, shipped_text_encoder()), Settings(limits=LIMITS))
+        settings = Settings(limits=LIMITS, show_frames=show_frames)
+        service = PlanningService(PlannerThread(planner, shipped_text_encoder()), settings)
         self._app = create_app(service, Tokens({}), Intake(LIMITS.max_body_bytes, 10**6, body_timeout=0.5))
         self._runner = asyncio.Runner()
         self._lifespan = self._app.router.lifespan_context(self._app)
@@ -284,3 +286,29 @@ def test_a_request_is_logged_with_its_client_and_trace(client: Client, caplog: p
     fields = record.__dict__["fields"]
     assert (fields["door"], fields["client"], fields["trace_id"]) == ("http", "127.0.0.1", trace_id)
     assert (fields["requests"], fields["answered"]) == (2, 2)
+
+
+def test_the_status_page_tells_people_how_it_goes(client: Client) -> None:
+    assert "Nobody has asked yet" in client.get("/").text
+    client.post("/v1/subgoals", content=body("chair", "bed"), headers=BINARY)
+    response = client.get("/")
+    assert response.headers["content-type"] == "text/html; charset=utf-8"
+    page = response.text
+    assert '<span class="state ready">ready</span>' in page
+    assert "Latencies of the last 2 answers" in page
+    assert '<td class="n">2</td><td class="n">1</td>' in page  # one batch of two
+    assert "<img" not in page
+    assert "--show-frames" in page
+
+
+def test_frames_are_shown_only_where_that_is_asked_for() -> None:
+    with Client(show_frames=True) as client:
+        assert "None yet" in client.get("/").text
+        client.post("/v1/subgoals", content=body("<b>bed</b>"), headers=BINARY)
+        client.post("/v1/subgoals", data={"goal": "sofa"}, files={"frame": ("a.jpg", JPEG)})
+        page = client.get("/").text
+    pictures = re.findall(r'src="data:image/jpeg;base64,([^"]+)"', page)
+    assert base64.b64decode(pictures[0]) == JPEG  # the newest first
+    assert simplejpeg.decode_jpeg(base64.b64decode(pictures[1])).shape == (16, 16, 3)
+    assert "turn left toward the &lt;b&gt;bed&lt;/b&gt;" in page
+    assert "<b>bed" not in page

@@ -116,7 +116,7 @@ def test_one_that_dies_or_hangs_is_started_again(goal: str, reason: str) -> None
 def test_one_that_dies_idle_is_noticed() -> None:
     async def test(process: PlannerProcess) -> None:
         os.kill(process.pid, signal.SIGKILL)
-        while not process.restarts:
+        while not (process.restarts and process.ready):
             await asyncio.sleep(0.01)
         assert len(await say(process, "bed")) == 1
 

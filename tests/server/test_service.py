@@ -71,6 +71,7 @@ def test_a_reply_says_everything() -> None:
     assert (reply.request_id, reply.subgoal, reply.instructions) == ("7", "go to the chair", ())
     assert (reply.confidence, reply.planner) == (0.5, "recording@r1")
     np.testing.assert_array_equal(reply.embedding, shipped_text_encoder().encode(["go to the chair"])[0])
+    assert reply.embedding_space == str(shipped_text_encoder().space)
 
 
 def test_a_plan_keeps_all_its_instructions() -> None:

@@ -86,8 +86,7 @@ def train(
         config = change_config(read_config(replay or runs / name), config_file, overrides or ())
     else:
         config = load_config(preset, config_file, overrides or ())
-    if planner is not None:
-        config = config.model_copy(update={"planner": planner})
+    config = config.with_planner(planner)
     with interruption() as interrupted:
         path = train_run(runs / name, config, interrupted, resume, replay=replay)
     Console().print(f"checkpoint: {path}", soft_wrap=True)

@@ -56,6 +56,18 @@ class ScenesConfig(Section):
         return self
 
 
+class PlannerConfig(Section):
+    """The planning service, and what opens it. A bare URL in place of this section stands for its url."""
+
+    url: str = Field(
+        "http://127.0.0.1:8765", description="where it is: http(s)://… or zenoh(s)://…, several separated by commas"
+    )
+    token_file: Path | None = Field(
+        None, description="file with one line name:token; without it the variable THINKNAV_PLANNER_TOKEN is used"
+    )
+    tls_ca: Path | None = Field(None, description="PEM file of the authority that signed its certificate")
+
+
 class ThinkConfig(Section):
     """The think action: when it is there, what it costs, what follows from it."""
 
@@ -147,11 +159,11 @@ class TrainConfig(Section):
         description="wait for every reply before anyone moves on: slower, and the same numbers every time; "
         "false: who waits for the planner holds nobody up",
     )
-    planner: str = Field("http://127.0.0.1:8765", description="where the planning service is")
     checkpoint_every: int = Field(20_000, ge=1, description="environment steps between checkpoints")
     keep_checkpoints: int = Field(3, ge=1, description="how many are kept")
     scenes: ScenesConfig = ScenesConfig()
     env: ObjectNavConfig = ObjectNavConfig()
+    planner: PlannerConfig = PlannerConfig()
     think: ThinkConfig = ThinkConfig()
     policy: PolicyConfig = PolicyConfig()
     ppo: PPOConfig = PPOConfig()
@@ -183,6 +195,12 @@ class TrainConfig(Section):
     def task(self) -> ObjectNavConfig:
         """The simulator's configuration: `env`, with the think action where the strategy has one."""
         return self.env.model_copy(update={"think_action": self.think.strategy != "never"})
+
+    def with_planner(self, url: str | None) -> "TrainConfig":
+        """The same with the planning service at another URL; unchanged for None."""
+        if url is None:
+            return self
+        return self.model_copy(update={"planner": self.planner.model_copy(update={"url": url})})
 
     @property
     def steps_per_update(self) -> int:
@@ -222,10 +240,16 @@ def _layered(values: dict[str, Any], file: Path | None, overrides: Iterable[str]
     return parse_config(values)
 
 
+def _planner_section(values: Mapping[str, Any]) -> dict[str, Any]:
+    """The same, with a section where the planner is given as a bare URL."""
+    planner = values.get("planner")
+    return {**values, **({"planner": {"url": planner}} if isinstance(planner, str) else {})}
+
+
 def parse_config(values: Mapping[str, Any]) -> TrainConfig:
     """A configuration from plain values. Raises ConfigError that names each wrong key."""
     try:
-        return TrainConfig.model_validate(values)
+        return TrainConfig.model_validate(_planner_section(values))
     except ValidationError as error:
         raise ConfigError("; ".join(_explain(problem) for problem in error.errors())) from None
 
@@ -297,7 +321,7 @@ def _number_or_word(value: str) -> str | float:
 
 
 def _merge(into: dict[str, Any], values: Mapping[str, Any]) -> None:
-    for key, value in values.items():
+    for key, value in _planner_section(values).items():
         if isinstance(value, Mapping) and isinstance(into.get(key), dict):
             _merge(into[key], value)
         else:

@@ -29,7 +29,7 @@ def run_demo(folder: Path, config: TrainConfig, interrupted: Interruption) -> Pa
         shutil.rmtree(folder)
     folder.mkdir(parents=True)
     with planning_service(folder / "service.log") as url:
-        config = config.model_copy(update={"planner": url})
+        config = config.with_planner(url)
         homes = make_homes(config)
         train_run(folder, config, interrupted, homes=homes)
         checkpoints = list_checkpoints(folder)

@@ -22,7 +22,7 @@ from thinknav_trainer.config import ConfigError, TrainConfig, parse_config
 from thinknav_trainer.dumps import write_dump
 from thinknav_trainer.files import remove_leftovers, replace_text
 from thinknav_trainer.recording import EMBEDDINGS, PLANNER
-from thinknav_trainer.thoughts import Thought, embedding_line
+from thinknav_trainer.thoughts import Thought, embedding_line, embedding_name
 
 logger = logging.getLogger(__name__)
 
@@ -45,7 +45,9 @@ class Run:
             remove_leftovers(place)
         replace_text(folder / "config.yaml", yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False))
         self._logs = {name: open_log(folder / f"{name}.jsonl", steps) for name in LOGS}
-        self._known = {(row["name"], row["text"]) for row in read_log(folder / EMBEDDINGS)}
+        known = read_log(folder / EMBEDDINGS)
+        self._texts = {row["text"] for row in known if row["text"] is not None}
+        self._embeddings = {row["name"] for row in known if row["text"] is None}
         self._tensorboard = SummaryWriter(str(folder / "tensorboard"), purge_step=steps + 1 if steps else None)
 
     @classmethod
@@ -78,22 +80,23 @@ class Run:
         for thought in thoughts:
             self._write("thoughts", {"steps": steps, **thought.line})
             if isinstance(thought.answer, SubgoalReply):
-                self._log_embedding(steps, embedding_line(thought.answer.embedding))
+                self._log_embedding(steps, thought.answer.embedding)
 
     def log_texts(self, steps: int, texts: Mapping[str, NDArray[np.float32]]) -> None:
         """What was embedded beside thoughts, as far as it is new."""
-        for text, embedding in texts.items():
-            self._log_embedding(steps, embedding_line(embedding, text))
+        for text in [text for text in texts if text not in self._texts]:
+            self._texts.add(text)
+            self._write("embeddings", {"steps": steps, **embedding_line(texts[text], text)})
 
     def note_planner(self, planner: PlannerInfo) -> None:
         """Who answers in this run."""
         replace_text(self.folder / PLANNER, planner.model_dump_json(indent=2) + "\n")
 
-    def _log_embedding(self, steps: int, line: Mapping[str, Any]) -> None:
-        key = line["name"], line["text"]
-        if key not in self._known:
-            self._known.add(key)
-            self._write("embeddings", {"steps": steps, **line})
+    def _log_embedding(self, steps: int, embedding: NDArray[np.float32]) -> None:
+        name = embedding_name(embedding)
+        if name not in self._embeddings:
+            self._embeddings.add(name)
+            self._write("embeddings", {"steps": steps, **embedding_line(embedding)})
 
     def _write(self, log: str, record: Mapping[str, Any]) -> None:
         self._logs[log].write(json.dumps(record) + "\n")

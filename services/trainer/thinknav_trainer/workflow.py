@@ -10,7 +10,7 @@ from thinknav_trainer.config import ConfigError, TrainConfig, parse_config
 from thinknav_trainer.episode_sets import EpisodeSet
 from thinknav_trainer.evaluate import Clock, EpisodeRecord, evaluate, write_evaluation
 from thinknav_trainer.interrupt import Interruption
-from thinknav_trainer.planner import PlannerClient, PlannerError, connect
+from thinknav_trainer.planner import PlannerClient, PlannerError, connect, read_token
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.recording import Recording
 from thinknav_trainer.run import Run, RunError, list_checkpoints, newest_checkpoint, read_config
@@ -33,9 +33,11 @@ def connect_if_thinking(config: TrainConfig, stack: ExitStack) -> PlannerClient 
     """
     if config.think.strategy == "never":
         return None
+    where = config.planner
     try:
-        planner = stack.enter_context(connect(config.planner))
-    except PlannerError as error:
+        token = read_token(where.token_file)
+        planner = stack.enter_context(connect(where.url, token=token, tls_ca=where.tls_ca))
+    except (PlannerError, ValueError) as error:
         raise ConfigError(str(error)) from None
     require_shared_space(config, planner)
     return planner
@@ -96,9 +98,7 @@ def evaluate_checkpoint(
     if split not in SPLITS:
         raise ConfigError(f"there is no split {split!r}; there are {' and '.join(SPLITS)}")
     checkpoint = Checkpoint.load(path)
-    config = parse_config(checkpoint.config)
-    if planner_url is not None:
-        config = config.model_copy(update={"planner": planner_url})
+    config = parse_config(checkpoint.config).with_planner(planner_url)
     where = split if elsewhere is None else elsewhere.name
     folder = output or path.parent.parent / "evaluations" / f"{path.stem}-{re.sub(r'[^A-Za-z0-9_.-]+', '_', where)}"
     with ExitStack() as stack:

@@ -10,14 +10,15 @@ import typer
 from pydantic import ValidationError
 
 from thinknav_proto import Limits, PlannerError, describe
+from thinknav_server.bench.cli import app as bench_app
 from thinknav_server.check import check_planner
 from thinknav_server.cli_sections import planner_options, process_settings, refused, takes
 from thinknav_server.door_options import accepted_limits, door_settings
 from thinknav_server.doors import open_doors
-from thinknav_server.hosts import Host, PlannerProcess, PlannerThread
+from thinknav_server.hosts import Host, PlannerInLoop, PlannerProcess, PlannerThread
 from thinknav_server.hosts.process import ProcessSettings
 from thinknav_server.logs import configure_logs
-from thinknav_server.planners.options import PlannerOptions, load_thinker
+from thinknav_server.planners.options import PlannerOptions, load_text_encoder, load_thinker
 from thinknav_server.server import run, stop_at_end_of_input
 from thinknav_server.service import PlanningService
 from thinknav_server.settings import DoorSettings, Settings
@@ -29,6 +30,9 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"auto_envvar_prefix": "THINKNAV_SERVER"},
 )
+
+
+app.add_typer(bench_app, name="bench")
 
 
 @app.callback()
@@ -48,6 +52,9 @@ def serve(
     max_wait: Annotated[float, typer.Option(min=0, help="Seconds that a request waits for others.")] = 0.0,
     queue_size: Annotated[int, typer.Option(min=1, help="Requests that wait at most; more are refused.")] = 256,
     cache_size: Annotated[int, typer.Option(min=0, help="Answers that are remembered.")] = 10_000,
+    show_frames: Annotated[
+        bool, typer.Option("--show-frames", help="Show the last frames on the status page.")
+    ] = False,
     grace: Annotated[float, typer.Option(min=0, help="Seconds to finish requests when told to stop.")] = 8.0,
     announce: Annotated[Path | None, typer.Option(help="File to write the URL to, once it is served.")] = None,
     until_eof: Annotated[bool, typer.Option("--until-eof", help="Stop when standard input ends.")] = False,
@@ -63,7 +70,12 @@ def serve(
     configure_logs(process.log_level, process.log_format)
     try:
         settings = Settings(
-            max_batch=max_batch, max_wait=max_wait, queue_size=queue_size, cache_size=cache_size, limits=limits
+            max_batch=max_batch,
+            max_wait=max_wait,
+            queue_size=queue_size,
+            cache_size=cache_size,
+            limits=limits,
+            show_frames=show_frames,
         )
         service = PlanningService(_host(planner, process), settings)
         opened = open_doors(service, doors)
@@ -101,9 +113,13 @@ def main() -> None:
 
 def _host(planner: PlannerOptions, process: ProcessSettings) -> Host:
     """The planner, loaded. Raises ValueError saying why it cannot be."""
-    if planner.cheap:
+    if planner.planner == "scripted":
         thinker = load_thinker(planner)
         return PlannerThread(thinker.planner, thinker.text_encoder)
+    if planner.planner == "openai":
+        from thinknav_server.planners.openai import OpenAIPlanner
+
+        return PlannerInLoop(OpenAIPlanner(planner.openai), load_text_encoder(planner), planner.openai.concurrency)
     return PlannerProcess(planner, process)
 
 

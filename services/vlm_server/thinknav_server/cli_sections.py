@@ -10,6 +10,7 @@ has the option `--port` and all those of `planner_options`, and is called with w
 import functools
 import inspect
 from collections.abc import Callable
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -19,10 +20,19 @@ from pydantic import ValidationError
 from thinknav_proto import describe
 from thinknav_server.hosts.process import ProcessSettings
 from thinknav_server.logs import LogFormat, LogLevel
-from thinknav_server.planners.options import PlannerOptions, ScriptedOptions
+from thinknav_server.planners.options import PLANNERS, OpenAIOptions, PlannerOptions, QwenOptions, ScriptedOptions
 
 _SCRIPTED = ScriptedOptions()
+_QWEN = QwenOptions()
+_OPENAI = OpenAIOptions()
 _PROCESS = ProcessSettings()
+
+
+class TextEncoderName(StrEnum):
+    """The text encoders that can be served."""
+
+    HASHED_WORDS = "embedded"
+    CLIP = "clip"
 
 
 def takes(**sections: Callable[..., Any]) -> Callable[[Callable[..., None]], Callable[..., None]]:
@@ -59,7 +69,7 @@ def refused(message: str) -> typer.Exit:
 
 def planner_options(
     planner: Annotated[
-        str, typer.Option(help="Who plans: scripted, or one of your own as package.module:factory.")
+        str, typer.Option(help=f"Who plans: {', '.join(PLANNERS)}, or one of your own as package.module:factory.")
     ] = "scripted",
     argument: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="For a planner of your own; may be repeated.")
@@ -70,12 +80,55 @@ def planner_options(
         float, typer.Option(min=0, max=1, help="scripted: share of requests that fail.")
     ] = _SCRIPTED.failure_rate,
     seed: Annotated[int, typer.Option(help="scripted: of the failures.")] = _SCRIPTED.seed,
+    model: Annotated[
+        str, typer.Option(help="qwen3-vl: a folder, or a name on the Hugging Face hub; any size.")
+    ] = _QWEN.model,
+    device: Annotated[str, typer.Option(help="qwen3-vl: auto, cpu, cuda or cuda:1.")] = _QWEN.device,
+    upstream_url: Annotated[str, typer.Option(help="openai: the server, up to and with /v1.")] = _OPENAI.url,
+    upstream_model: Annotated[
+        str, typer.Option(help="openai: one that it serves; none takes the only one.")
+    ] = _OPENAI.model,
+    upstream_key_env: Annotated[
+        str, typer.Option(help="openai: the environment variable that holds the key.")
+    ] = _OPENAI.key_env,
+    upstream_concurrency: Annotated[
+        int, typer.Option(min=1, help="openai: calls to the server at once.")
+    ] = _OPENAI.concurrency,
+    upstream_timeout: Annotated[float, typer.Option(min=0.001, help="openai: seconds for a call.")] = _OPENAI.timeout,
+    guided: Annotated[
+        bool, typer.Option(help="openai: have the server keep to a JSON schema, if it can.")
+    ] = _OPENAI.guided,
+    prompt: Annotated[
+        Path | None, typer.Option(help="qwen3-vl, openai: YAML file with other words than the built-in ones.")
+    ] = None,
+    max_new_tokens: Annotated[
+        int, typer.Option(min=1, help="qwen3-vl, openai: tokens of one instruction.")
+    ] = _QWEN.max_new_tokens,
+    text_encoder: Annotated[
+        TextEncoderName, typer.Option(help="Whose embeddings the subgoals get.")
+    ] = TextEncoderName.HASHED_WORDS,
+    clip_model: Annotated[
+        str, typer.Option(help="clip: a folder, or a name on the Hugging Face hub.")
+    ] = PlannerOptions().clip_model,
 ) -> PlannerOptions:
     """Which planner, and how."""
     return PlannerOptions(
         planner=planner,
         arguments=_arguments(argument or []),
         scripted=ScriptedOptions(script=script, latency=latency, failure_rate=failure_rate, seed=seed),
+        qwen=QwenOptions(model=model, device=device, max_new_tokens=max_new_tokens, prompt=prompt),
+        openai=OpenAIOptions(
+            url=upstream_url,
+            model=upstream_model,
+            key_env=upstream_key_env,
+            concurrency=upstream_concurrency,
+            timeout=upstream_timeout,
+            guided=guided,
+            max_new_tokens=max_new_tokens,
+            prompt=prompt,
+        ),
+        text_encoder=text_encoder.value,
+        clip_model=clip_model,
     )
 
 

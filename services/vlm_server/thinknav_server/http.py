@@ -4,7 +4,7 @@ POST /v1/subgoals     frames and goals in, subgoals out (msgpack, or multipart/f
 POST /v1/embeddings   texts in, embeddings out (msgpack or JSON)
 GET  /v1/planner      who answers
 GET  /healthz         the process lives         GET /readyz   requests are answered
-GET  /metrics         in Prometheus' text format
+GET  /metrics         in Prometheus' text format  GET /         the status page, for people
 """
 
 import logging
@@ -16,7 +16,7 @@ from fastapi import APIRouter, Depends, FastAPI
 from pydantic import ValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import HTMLResponse, JSONResponse, Response
 
 from thinknav_proto import (
     CONTENT_TYPE,
@@ -43,6 +43,7 @@ from thinknav_server.rendering import (
     render_replies,
 )
 from thinknav_server.service import PlanningService
+from thinknav_server.status_page import render_status
 from thinknav_server.tokens import Tokens
 
 logger = logging.getLogger(__name__)
@@ -132,6 +133,12 @@ async def readyz(service: Service) -> Response:
     """200 while requests are answered."""
     service.introduce()
     return JSONResponse({"status": "ready"})
+
+
+@routes.get("/")
+async def status(service: Service) -> Response:
+    """How the service is doing, for people."""
+    return HTMLResponse(render_status(service.status, service.recent))
 
 
 @routes.get("/metrics")

@@ -26,9 +26,11 @@ from thinknav_server.caller import ANONYMOUS, Caller
 from thinknav_server.hosts import Host
 from thinknav_server.limits import admit, admit_texts, check_frame_count
 from thinknav_server.metrics import Metrics
+from thinknav_server.recent import Recent
 from thinknav_server.reply_cache import ReplyCache, question_key
 from thinknav_server.request_log import log_answers
 from thinknav_server.settings import Settings
+from thinknav_server.status_page import Status
 from thinknav_server.thinking import Question, Thought
 
 
@@ -51,15 +53,17 @@ class PlanningService:
             limits=settings.limits,
         )
         self.metrics = Metrics()
+        self.recent = Recent(settings.show_frames)
+        self._settings = settings
         self._host = host
         self._cache = ReplyCache(settings.cache_size)
         self._batcher: Batcher[Question, Thought] = Batcher(
             host.think,
-            max_batch=settings.max_batch,
+            max_batch=min(settings.max_batch, host.batch_limit or settings.max_batch),
             max_wait=settings.max_wait,
             queue_size=settings.queue_size,
             slots=host.slots,
-            on_batch=self.metrics.batch,
+            on_batch=self._on_batch,
         )
         self._in_flight = 0
         self._idle = asyncio.Event()
@@ -86,6 +90,19 @@ class PlanningService:
         """Whether requests are answered now."""
         return self._batcher.running and self._host.ready and not self._draining
 
+    @property
+    def status(self) -> Status:
+        """What people are told of the service now."""
+        return Status(
+            info=self.info,
+            ready=self.ready,
+            waiting=self._batcher.waiting,
+            in_flight=self._in_flight,
+            cached=len(self._cache),
+            restarts=self._host.restarts,
+            queue_size=self._settings.queue_size,
+        )
+
     async def drain(self, grace: float) -> None:
         """From now on refuse new requests; returns when those in flight are answered, or after `grace` seconds."""
         self._draining = True
@@ -99,10 +116,10 @@ class PlanningService:
         admit(request, self.info.limits)
         self._check_ready()
         key = question_key(request)
-        thought = self._cache.get(key)
-        if thought is not None:
+        remembered = self._cache.get(key)
+        if remembered is not None:
             self.metrics.saved("cache")
-            return self._reply(request, thought, Timings(queued=0.0, planned=0.0, embedded=0.0))
+            return self._reply(request, remembered, Timings(queued=0.0, planned=0.0, embedded=0.0))
         batched = await self._batcher.submit(Question(request, caller.trace), request.deadline, caller.name, key)
         if batched.shared:
             self.metrics.saved("shared")
@@ -149,8 +166,15 @@ class PlanningService:
             self._in_flight -= 1
             if not self._in_flight:
                 self._idle.set()
-        self.metrics.answer(answer, time.perf_counter() - began)
+        seconds = time.perf_counter() - began
+        self.metrics.answer(answer, seconds)
+        if isinstance(answer, SubgoalReply) and isinstance(request, SubgoalRequest):
+            self.recent.answer(request, answer, caller, seconds)
         return answer
+
+    def _on_batch(self, size: int, seconds: float) -> None:
+        self.metrics.batch(size, seconds)
+        self.recent.batch(size)
 
     def _check_ready(self) -> None:
         if self._draining:

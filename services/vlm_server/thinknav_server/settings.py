@@ -27,6 +27,7 @@ class Settings(BaseModel):
     queue_size: requests that wait at most; more are refused at once. A request that is admitted waits for at most
         queue_size / max_batch + 1 batches.
     cache_size: answers that are remembered, for requests of temperature 0; 0 remembers none.
+    show_frames: whether the status page shows the last frames, which may be private.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
@@ -35,6 +36,7 @@ class Settings(BaseModel):
     max_wait: Annotated[float, Field(ge=0, le=10)] = 0.0
     queue_size: Annotated[int, Field(ge=1)] = 256
     cache_size: Annotated[int, Field(ge=0)] = 10_000
+    show_frames: bool = False
     limits: Limits = DEFAULT_LIMITS
 
 

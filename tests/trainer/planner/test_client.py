@@ -159,6 +159,17 @@ def test_embeddings_of_another_space_or_number_are_refused() -> None:
         client.embed(["find a chair", "find a bed"])
 
 
+def test_a_service_that_has_changed_its_embedding_space_is_refused() -> None:
+    spaces = {"0": None, "1": mock_info().embedding_space, "2": "other@1"}
+
+    def handler(asked: SubgoalRequest) -> SubgoalReply:
+        return reply_to(asked, "stop").model_copy(update={"embedding_space": spaces[asked.request_id]})
+
+    answers = PlannerClient(MockTransport(handler)).ask([request(name) for name in spaces])
+    assert [type(answer) for answer in answers] == [SubgoalReply, SubgoalReply, ProtocolMismatch]
+    assert "now embeds in other@1" in str(answers[2])
+
+
 def test_answers_that_do_not_belong_to_the_requests_are_refused() -> None:
     class Shuffled(MockTransport):
         def ask(self, requests: Sequence[SubgoalRequest]) -> Sequence[SubgoalReply | PlannerError]:

@@ -3,6 +3,8 @@
     with connect("http://127.0.0.1:8765") as planner:
         replies = planner.ask(requests)
 
+One URL, or several replicas over HTTP or zenoh: see `address`, and `balancer` for what happens when one fails.
+
 `MockTransport` stands in for a service, with any behaviour that a function can have; `FunctionTransport` is a planner
 in our own process. The errors are the contract's.
 """
@@ -21,6 +23,8 @@ from thinknav_proto import (
     Unauthenticated,
     Unavailable,
 )
+from thinknav_trainer.planner.address import read_token
+from thinknav_trainer.planner.balancer import Balancer
 from thinknav_trainer.planner.client import Answer, Counts, PlannerClient
 from thinknav_trainer.planner.connect import connect
 from thinknav_trainer.planner.frames import encode_frame
@@ -31,6 +35,7 @@ from thinknav_trainer.planner.transport import Transport
 
 __all__ = [
     "Answer",
+    "Balancer",
     "Counts",
     "DeadlineExceeded",
     "Frame",
@@ -52,5 +57,6 @@ __all__ = [
     "connect",
     "encode_frame",
     "mock_info",
+    "read_token",
     "reply_to",
 ]

@@ -53,30 +53,30 @@ class Credentials:
     name: str = ""
 
     @classmethod
-    def load(cls, file: Path | None) -> Self:
-        """From a file with one line `name:token`, else from THINKNAV_PLANNER_TOKEN; empty without both.
-
-        Raises ValueError that says what to do.
-        """
-        if file is None:
-            return cls.parse(os.environ.get(TOKEN_VARIABLE, ""))
-        try:
-            text = file.read_text(encoding="utf-8")
-        except (OSError, UnicodeDecodeError) as error:
-            reason = error.strerror if isinstance(error, OSError) else "it is not text"
-            raise ValueError(f"cannot read the token in {file} (planner.token_file): {reason}") from None
-        lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("#")]
-        if len(lines) != 1:
-            raise ValueError(f"{file} (planner.token_file) must hold one line name:token, not {len(lines)}")
-        return cls.parse(lines[0])
-
-    @classmethod
     def parse(cls, text: str) -> Self:
         """`name:token`, or the token alone. Raises ValueError for characters that no token has."""
         name, _, token = text.strip().rpartition(":")
         if not token.isascii() or any(not character.isprintable() or character == " " for character in token):
             raise ValueError("a token holds letters, digits and - . _ ~ + / =, nothing else")
         return cls(token.strip(), name.strip())
+
+
+def read_token(file: Path | None) -> str:
+    """`name:token` from a file with that one line, else from THINKNAV_PLANNER_TOKEN; empty without both.
+
+    Raises ValueError that says what to do.
+    """
+    if file is None:
+        return os.environ.get(TOKEN_VARIABLE, "")
+    try:
+        text = file.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not text"
+        raise ValueError(f"cannot read the token in {file} (planner.token_file): {reason}") from None
+    lines = [line.strip() for line in text.splitlines() if line.strip() and not line.startswith("#")]
+    if len(lines) != 1:
+        raise ValueError(f"{file} (planner.token_file) must hold one line name:token, not {len(lines)}")
+    return lines[0]
 
 
 def _check_host_and_port(place: str) -> None:

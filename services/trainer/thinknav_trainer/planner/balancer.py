@@ -250,8 +250,11 @@ class Balancer:
         except PlannerError as error:
             with self._changed:
                 member.end_probe(time.monotonic())
+                another = self._another_serves(member)
+                if member.state is State.SERVING and isinstance(error, DeadlineExceeded) and not another:
+                    return  # the last one may be slow even at this: each question waits for its own deadline
                 self._put_out(member, error)
-                if self._another_serves(member):
+                if another:
                     for question in list(member.outstanding):
                         settle_error(question, Unavailable(f"{member.name} no longer answers: {error}"))
 

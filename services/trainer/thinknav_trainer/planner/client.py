@@ -135,7 +135,7 @@ class PlannerClient:
             return ProtocolMismatch(f"the service answered {answer.request_id[:64]!r} to {request.request_id!r}")
         if answer.embedding_space not in (None, self._info.embedding_space):
             return ProtocolMismatch(
-                f"the service embeds in {answer.embedding_space} now, not in {self._info.embedding_space} as before"
+                f"the service now embeds in {answer.embedding_space}, not in {self._info.embedding_space} as it said"
             )
         return answer
 

@@ -69,7 +69,7 @@ class HttpTransport:
         headers = {"Accept": CONTENT_TYPE} | ({"Authorization": f"Bearer {token}"} if token else {})
         # As many connections as are asked for: how many requests are under way at once is for the client to limit.
         limits = httpx.Limits(max_connections=None, max_keepalive_connections=MAX_IDLE_CONNECTIONS)
-        verify = ssl.create_default_context(cafile=tls_ca) if tls_ca else True
+        verify = ssl.create_default_context(cafile=tls_ca) if tls_ca else self._url.startswith("https://")
         self._client = httpx.Client(trust_env=False, headers=headers, limits=limits, verify=verify)
 
     def info(self) -> PlannerInfo:

@@ -37,6 +37,10 @@ class Host(Protocol):
         """Batches that it works on at once."""
 
     @property
+    def batch_limit(self) -> int | None:
+        """Requests that it takes at once, if it sets a limit of its own."""
+
+    @property
     def ready(self) -> bool:
         """Whether it can be asked now."""
 

@@ -58,6 +58,7 @@ class PlannerProcess:
     """
 
     slots = 1
+    batch_limit = None
 
     def __init__(self, options: PlannerOptions, settings: ProcessSettings | None = None) -> None:
         self._settings = settings or ProcessSettings()
@@ -201,7 +202,7 @@ class _Child:
         self.connection, theirs = socket.socketpair()
         with theirs:
             self.process = subprocess.Popen(
-                [sys.executable, "-m", "thinknav_server.hosts.child", str(theirs.fileno())],
+                [sys.executable, "-P", "-m", "thinknav_server.hosts.child", str(theirs.fileno())],
                 pass_fds=(theirs.fileno(),),
                 stdin=subprocess.DEVNULL,
                 stdout=_STANDARD_ERROR,  # what the service writes to its own standard output is read by programs

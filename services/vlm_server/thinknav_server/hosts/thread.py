@@ -25,6 +25,7 @@ class PlannerThread:
     """
 
     slots = 1
+    batch_limit = None
     restarts = 0
 
     def __init__(self, planner: Planner, text_encoder: TextEncoder) -> None:

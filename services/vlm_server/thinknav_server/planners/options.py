@@ -4,8 +4,9 @@ Heavy libraries are imported only when a planner that needs them is chosen.
 """
 
 import importlib
+import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -31,22 +32,64 @@ class ScriptedOptions(_Options):
     seed: int = 0
 
 
+class QwenOptions(_Options):
+    """model: a folder, or a name on the Hugging Face hub. device: "auto" takes CUDA where there is one.
+    max_new_tokens: of one instruction. prompt: YAML file with other words than the built-in ones.
+    """
+
+    model: str = "Qwen/Qwen3-VL-2B-Instruct"
+    device: str = "auto"
+    max_new_tokens: Annotated[int, Field(ge=1)] = 24
+    prompt: Path | None = None
+
+
+class OpenAIOptions(_Options):
+    """url: of the server, up to and with "/v1". model: one that it serves; "" takes the only one.
+    key_env: environment variable with the key, if the server wants one. concurrency: calls at once.
+    timeout: seconds for a call. guided: ask for JSON by a schema, as long as the server understands that.
+    """
+
+    url: str = "http://127.0.0.1:8000/v1"
+    model: str = ""
+    key_env: str = "OPENAI_API_KEY"
+    concurrency: Annotated[int, Field(ge=1)] = 64
+    timeout: Annotated[float, Field(gt=0)] = 60.0
+    guided: bool = True
+    max_new_tokens: Annotated[int, Field(ge=1)] = 24
+    prompt: Path | None = None
+
+
 class PlannerOptions(_Options):
-    """planner: "scripted", or "package.module:factory" for one of your own, called with `arguments`."""
+    """planner: one of `PLANNERS`, or "package.module:factory" for one of your own, called with `arguments`.
+    text_encoder: "embedded" or "clip". clip_model: a folder, or a name on the Hugging Face hub.
+    """
 
     planner: str = "scripted"
     arguments: dict[str, str] = {}
     scripted: ScriptedOptions = ScriptedOptions()
+    qwen: QwenOptions = QwenOptions()
+    openai: OpenAIOptions = OpenAIOptions()
+    text_encoder: Literal["embedded", "clip"] = "embedded"
+    clip_model: str = "openai/clip-vit-base-patch32"
 
-    @property
-    def cheap(self) -> bool:
-        """Whether the planner may run in a thread of the service: it cannot hang or take the process down."""
-        return self.planner == "scripted"
+
+PLANNERS = ("scripted", "qwen3-vl", "openai")
 
 
 def load_thinker(options: PlannerOptions) -> Thinker:
     """The planner and text encoder. Raises ValueError for options that cannot be followed, saying what to do."""
-    return Thinker(_load_planner(options), _load_text_encoder(options))
+    return Thinker(_load_planner(options), load_text_encoder(options))
+
+
+def load_text_encoder(options: PlannerOptions) -> TextEncoder:
+    """The text encoder alone. Raises ValueError."""
+    if options.text_encoder == "embedded":
+        return shipped_text_encoder()
+    try:
+        from thinknav_server.planners.clip import ClipTextEncoder
+    except ImportError as error:
+        raise _not_installed("clip", error) from None
+    return ClipTextEncoder(options.clip_model)
 
 
 def _load_planner(options: PlannerOptions) -> Planner:
@@ -54,6 +97,12 @@ def _load_planner(options: PlannerOptions) -> Planner:
         chosen = options.scripted
         script = load_script(chosen.script) if chosen.script else Script()
         return ScriptedPlanner(script, chosen.latency, chosen.failure_rate, chosen.seed)
+    if options.planner == "qwen3-vl":
+        try:
+            from thinknav_server.planners.qwen3_vl import Qwen3VLPlanner
+        except ImportError as error:
+            raise _not_installed("qwen3-vl", error) from None
+        return Qwen3VLPlanner(options.qwen)
     return _load_foreign(options)
 
 
@@ -61,8 +110,10 @@ def _load_foreign(options: PlannerOptions) -> Planner:
     module_name, colon, name = options.planner.partition(":")
     if not colon:
         raise ValueError(
-            f"there is no planner {options.planner!r}; choose scripted or name your own as package.module:factory"
+            f"there is no planner {options.planner!r}; choose {', '.join(PLANNERS)}, or name your own as "
+            "package.module:factory"
         )
+    sys.path.append(str(Path.cwd()))  # last, so that nothing in it hides a library
     try:
         factory = getattr(importlib.import_module(module_name), name)
         planner: Planner = factory(**options.arguments)
@@ -71,5 +122,5 @@ def _load_foreign(options: PlannerOptions) -> Planner:
     return planner
 
 
-def _load_text_encoder(_options: PlannerOptions) -> TextEncoder:
-    return shipped_text_encoder()
+def _not_installed(what: str, error: ImportError) -> ValueError:
+    return ValueError(f"{what} needs libraries that are not installed ({error}); pip install 'thinknav[server,vlm]'")

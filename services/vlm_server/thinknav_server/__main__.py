@@ -1,0 +1,5 @@
+"""`python -m thinknav_server` is `thinknav-server`."""
+
+from thinknav_server.cli import main
+
+main()

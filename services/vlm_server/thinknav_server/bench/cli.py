@@ -1,0 +1,41 @@
+"""`thinknav-server bench`: JSON lines on standard output."""
+
+import sys
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from thinknav_server.bench.figures import Figure
+from thinknav_server.bench.overload import overload_figures
+from thinknav_server.bench.throughput import throughput_figures
+
+app = typer.Typer(help="Measure the service on this machine, as lines of JSON.", no_args_is_help=True)
+
+
+@app.command()
+def throughput(
+    peers: Annotated[Path, typer.Option(help="Virtual environment with LitServe: make bench-server-peers.")] = Path(
+        ".venv-serving"
+    ),
+    seconds: Annotated[float, typer.Option(min=0.1, help="Of each measurement.")] = 10.0,
+) -> None:
+    """Subgoals a second beside LitServe's and the model's own, and what a lone request costs above the model."""
+    _print(throughput_figures(peers, seconds))
+
+
+@app.command()
+def overload(seconds: Annotated[float, typer.Option(min=1, help="Of overload.")] = 60.0) -> None:
+    """Ten times the load that the service can bear: who is admitted, who is refused, how soon it is over."""
+    _print(overload_figures(seconds))
+
+
+def _print(figures: Iterable[Figure]) -> None:
+    try:
+        for figure in figures:
+            sys.stdout.write(figure.line + "\n")
+            sys.stdout.flush()
+    except (ValueError, RuntimeError) as error:
+        typer.echo(f"thinknav-server: {error}", err=True)
+        raise typer.Exit(1) from None

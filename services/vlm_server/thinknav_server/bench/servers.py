@@ -1,0 +1,115 @@
+"""Starts the service, or its peer, in a process of its own over the emulated model, and makes requests for each."""
+
+import base64
+import json
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import simplejpeg
+from PIL import Image
+
+from thinknav_proto import CONTENT_TYPE, Frame, SubgoalRequest, encode_requests
+from thinknav_server.bench.load import http_request
+
+_START_S = 120.0
+_FRAMES = 512  # more than are asked at once, so that none is asked twice at a time
+
+
+@dataclass(frozen=True)
+class Setup:
+    """base, item: the model's milliseconds. The rest is as the service's options of these names."""
+
+    base: float
+    item: float
+    max_batch: int = 32
+    max_wait: float = 0.005
+    queue_size: int = 256
+
+
+@contextmanager
+def our_service(setup: Setup) -> Iterator[tuple[str, int]]:
+    """The service without a cache: its URL and the number of its process."""
+    with tempfile.TemporaryDirectory() as folder:
+        announced = Path(folder) / "url"
+        command = [sys.executable, "-m", "thinknav_server", "serve", "--port", "0", "--announce", str(announced)]
+        command += ["--planner", "thinknav_server.bench.planner:EmulatedPlanner", "--log-level", "warning"]
+        command += ["--argument", f"base={setup.base}", "--argument", f"item={setup.item}", "--cache-size", "0"]
+        command += ["--max-batch", str(setup.max_batch), "--max-wait", str(setup.max_wait)]
+        command += ["--queue-size", str(setup.queue_size)]
+        with _running(command) as process:
+            _wait(process, announced.exists)
+            yield announced.read_text(encoding="utf-8"), process.pid
+
+
+@contextmanager
+def litserve(python: Path, setup: Setup) -> Iterator[str]:
+    """LitServe in its own virtual environment: its URL."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    script = Path(__file__).with_name("litserve_peer.py")
+    numbers = (port, setup.base, setup.item, setup.max_batch, setup.max_wait)
+    with _running([str(python), str(script), *map(str, numbers)]) as process:
+        _wait(process, lambda: _listens(port))
+        time.sleep(2)  # its workers come up after its port does
+        yield f"http://127.0.0.1:{port}"
+
+
+def jpegs() -> list[bytes]:
+    """Pictures of 256 x 256 as a robot might send them, about 6 KB each, all different."""
+    random = np.random.default_rng(0)
+    coarse = random.integers(0, 256, (_FRAMES, 12, 12, 3), dtype=np.uint8)
+    large = (np.asarray(Image.fromarray(image).resize((256, 256), Image.Resampling.BICUBIC)) for image in coarse)
+    return [simplejpeg.encode_jpeg(np.ascontiguousarray(image), quality=90) for image in large]
+
+
+def our_requests(url: str, frames: list[bytes]) -> list[bytes]:
+    """One frame each, as the contract has it."""
+    requests = (
+        SubgoalRequest(request_id=str(index), goal="chair", frame=Frame(encoding="jpeg", data=data))
+        for index, data in enumerate(frames)
+    )
+    return [http_request(url, "/v1/subgoals", CONTENT_TYPE, encode_requests([request])) for request in requests]
+
+
+def litserve_requests(url: str, frames: list[bytes]) -> list[bytes]:
+    """One frame each, as LitServe's guide has it."""
+    bodies = (json.dumps({"goal": "chair", "frame": base64.b64encode(data).decode()}).encode() for data in frames)
+    return [http_request(url, "/predict", "application/json", body) for body in bodies]
+
+
+@contextmanager
+def _running(command: list[str]) -> Iterator["subprocess.Popen[bytes]"]:
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=None)
+    try:
+        yield process
+    finally:
+        process.terminate()
+        try:
+            process.wait(15)
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
+
+
+def _wait(process: "subprocess.Popen[bytes]", ready: Callable[[], bool]) -> None:
+    until = time.monotonic() + _START_S
+    while not ready():
+        if process.poll() is not None:
+            raise RuntimeError(f"the server to measure ended with status {process.returncode}")
+        if time.monotonic() > until:
+            raise RuntimeError(f"the server to measure was not up within {_START_S:g} s")
+        time.sleep(0.05)
+
+
+def _listens(port: int) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0

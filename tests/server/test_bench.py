@@ -1,0 +1,100 @@
+"""The load generator and the figures; the measurements themselves are not for a test."""
+
+import json
+import threading
+from collections.abc import Iterator
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+
+import pytest
+
+from thinknav_proto import decode_requests
+from thinknav_server.bench.figures import Figure
+from thinknav_server.bench.load import Tally, closed_loop, http_request, open_loop
+from thinknav_server.bench.model import Emulated
+from thinknav_server.bench.planner import EmulatedPlanner
+from thinknav_server.bench.servers import jpegs, litserve_requests, our_requests
+
+URL = "http://127.0.0.1:8765"
+
+
+class TinyServer(ThreadingHTTPServer):
+    """Answers every second request with 429."""
+
+    def __init__(self) -> None:
+        super().__init__(("127.0.0.1", 0), TinyHandler)
+        self.bodies: list[bytes] = []
+        self.url = f"http://127.0.0.1:{self.server_port}"
+
+
+class TinyHandler(BaseHTTPRequestHandler):
+    protocol_version = "HTTP/1.1"
+
+    def do_POST(self) -> None:
+        assert isinstance(self.server, TinyServer)
+        self.server.bodies.append(self.rfile.read(int(self.headers["Content-Length"])))
+        self.send_response(200 if len(self.server.bodies) % 2 else 429)
+        self.send_header("Content-Length", "2")
+        self.end_headers()
+        self.wfile.write(b"ok")
+
+    def log_message(self, *_: object) -> None:
+        pass
+
+
+@pytest.fixture
+def server() -> Iterator[TinyServer]:
+    with TinyServer() as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        yield server
+        server.shutdown()
+        thread.join()
+
+
+def test_clients_ask_again_when_they_are_answered(server: TinyServer) -> None:
+    requests = [http_request(server.url, "/", "text/plain", body) for body in (b"one", b"two")]
+    tally = closed_loop(server.url, requests, clients=3, seconds=0.5)
+    assert set(server.bodies) == {b"one", b"two"}
+    assert {status for _, status in tally.answers} == {200, 429}
+    assert len(tally.answers) <= len(server.bodies)
+    assert tally.rate() == pytest.approx(len(tally.latencies()) / 0.5)
+    assert 0 < tally.quantile(0.5) <= tally.quantile(0.99)
+
+
+def test_a_rate_is_kept_whether_or_not_answers_come(server: TinyServer) -> None:
+    requests = [http_request(server.url, "/", "text/plain", b"one")]
+    tally = open_loop(server.url, requests, rate=100, seconds=0.5)
+    assert 40 <= len(tally.answers) <= 50
+    assert len(server.bodies) == len(tally.answers)
+
+
+def test_too_few_answers_say_so() -> None:
+    with pytest.raises(ValueError, match=r"1 requests were answered with 200 in 2 s, .* measure for longer"):
+        Tally([(0.1, 200), (0.1, 429)], 2.0).rate()
+
+
+def test_a_figure_is_a_line_of_json_with_three_digits() -> None:
+    line = Figure("service.c64.vs_litserve", 1234.56, "subgoals/s", "litserve", 600.0, 2.0576).line
+    assert json.loads(line) == {
+        "figure": "service.c64.vs_litserve",
+        "value": 1230.0,
+        "unit": "subgoals/s",
+        "peer": "litserve",
+        "peer_value": 600.0,
+        "ratio": 2.06,
+    }
+
+
+def test_both_servers_are_sent_the_same_frames() -> None:
+    frames = jpegs()[:3]
+    assert len(set(frames)) == 3
+    ours, theirs = our_requests(URL, frames), litserve_requests(URL, frames)
+    (request,) = decode_requests(ours[1].partition(b"\r\n\r\n")[2])
+    assert getattr(request, "frame").data == frames[1]  # noqa: B009
+    assert json.loads(theirs[1].partition(b"\r\n\r\n")[2])["goal"] == "chair"
+
+
+def test_the_emulated_model_answers_each() -> None:
+    assert len(Emulated(0, 0)(5)) == 5
+    assert EmulatedPlanner("0", "0").identity.revision == "0-0"
+    assert EmulatedPlanner("0", "0").plan([]) == []
