@@ -25,7 +25,7 @@ from thinknav_models.subgoal_network import (
     SubgoalNetwork,
     fold_normalisation,
 )
-from thinknav_models.weights import SHIPPED, Weights, load_weights, save_weights
+from thinknav_models.weights import SHIPPED, load_weights, save_weights
 
 KIND = "subgoal-vlm"
 SHIPPED_FILE = SHIPPED / "subgoal_vlm.safetensors"
@@ -81,11 +81,8 @@ class SubgoalVLM:
     @classmethod
     def load(cls, path: Path = SHIPPED_FILE, seed: int = 0) -> tuple[Self, str]:
         """The model in a file, the shipped one unless named, and its revision. Raises WeightsError."""
-        weights = load_weights(path, KIND)
-        vocabulary = Vocabulary(weights.config["words"])
-        network = SubgoalNetwork(_network_config(weights))
-        network.load_state_dict({name: torch.from_numpy(tensor) for name, tensor in weights.tensors.items()})
-        return cls(vocabulary, network, float(weights.config["stop_gate"]), seed), weights.revision
+        taught = load_network(path)
+        return cls(taught.vocabulary, taught.network, taught.stop_gate, seed), taught.revision
 
     def answer(self, questions: Sequence[Question]) -> list[Answer]:
         """One answer for each question, in their order. Raises ValueError for a frame that is no image."""
@@ -197,9 +194,24 @@ def save(path: Path, vocabulary: Vocabulary, network: SubgoalNetwork, stop_gate:
     )
 
 
-def _network_config(weights: Weights) -> NetworkConfig:
-    stored = weights.config["network"]
-    return NetworkConfig(**(stored | {"channels": tuple(stored["channels"])}))
+@dataclass(frozen=True)
+class TaughtNetwork:
+    """What a file of weights holds; revision: its hash."""
+
+    vocabulary: Vocabulary
+    network: SubgoalNetwork
+    stop_gate: float
+    revision: str
+
+
+def load_network(path: Path = SHIPPED_FILE) -> TaughtNetwork:
+    """The network in a file, as it was taught. Raises WeightsError."""
+    weights = load_weights(path, KIND)
+    vocabulary = Vocabulary(weights.config["words"])
+    sizes = weights.config["network"]
+    network = SubgoalNetwork(NetworkConfig(**(sizes | {"channels": tuple(sizes["channels"])})))
+    network.load_state_dict({name: torch.from_numpy(tensor) for name, tensor in weights.tensors.items()})
+    return TaughtNetwork(vocabulary, network, float(weights.config["stop_gate"]), weights.revision)
 
 
 def _pixels(frame: NDArray[np.uint8]) -> Tensor:

@@ -28,7 +28,8 @@ def wait_for_url(announced: Path, process: "subprocess.Popen[str]") -> str:
 
 @pytest.fixture(scope="session")
 def start_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StartService]:
-    """Starts `thinknav-server serve` with more options; gives its URL and process. All are ended with the tests.
+    """Starts `thinknav-server serve`, scripted unless the options name a planner; gives its URL and process. All are
+    ended with the tests.
 
     prefix: a command that the service is run by, such as `ip netns exec`.
     """
@@ -38,6 +39,7 @@ def start_service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[StartSer
     def start(*options: str, prefix: Sequence[str] = ()) -> tuple[str, "subprocess.Popen[str]"]:
         announced = folder / f"url-{len(processes)}"
         command = [*prefix, str(Path(sys.executable).with_name("thinknav-server")), "serve", "--port", "0"]
+        command += ["--planner", "scripted"]  # unless the options say otherwise: the last one counts
         command += ["--log-level", "warning"]  # a line for each request would fill the pipe, which nobody empties
         process = subprocess.Popen(
             [*command, "--announce", str(announced), *options],

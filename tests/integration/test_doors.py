@@ -139,7 +139,15 @@ def test_what_cannot_be_followed_is_one_clear_line(guarded: tuple[str, str]) -> 
         (["--host", "0.0.0.0"], "with --token-file, or say --insecure"),
         (["--zenoh", guarded[1].removeprefix("zenohs://")], "cannot listen on zenoh 127.0.0.1:"),
     ):
-        command = [str(Path(sys.executable).with_name("thinknav-server")), "serve", "--port", "0", *options]
+        command = [
+            str(Path(sys.executable).with_name("thinknav-server")),
+            "serve",
+            "--port",
+            "0",
+            "--planner",
+            "scripted",
+            *options,
+        ]
         ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
         assert ended.returncode == 1
         assert message in ended.stderr

@@ -144,7 +144,7 @@ def test_a_signal_stops_it_gracefully(start_service: StartService, tmp_path: Pat
 
 
 def serve(*options: str) -> "subprocess.CompletedProcess[str]":
-    command = [str(Path(sys.executable).with_name("thinknav-server")), "serve", *options]
+    command = [str(Path(sys.executable).with_name("thinknav-server")), "serve", "--planner", "scripted", *options]
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 

@@ -59,7 +59,19 @@ def homes() -> Homes:
 def service(folder: Path, port: int = 0, code: str = SERVER, *options: str) -> Iterator[tuple[str, int]]:
     """The real server in its own process, on a port that may be one that another had: its URL and port. Then killed."""
     announced = folder / f"url-{time.monotonic_ns()}"
-    command = [sys.executable, "-c", code, "serve", "--port", str(port), "--announce", str(announced), *options]
+    command = [
+        sys.executable,
+        "-c",
+        code,
+        "serve",
+        "--planner",
+        "scripted",
+        "--port",
+        str(port),
+        "--announce",
+        str(announced),
+        *options,
+    ]
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     try:
         url = wait_for_url(announced, process)

@@ -18,7 +18,7 @@ from thinknav_sim.episodes import EpisodeError
 from thinknav_sim.render import RendererUnavailable
 from thinknav_sim.scene import SceneError
 from thinknav_trainer.checkpoint import CheckpointError
-from thinknav_trainer.commands import bench, compare, episodes, evaluate, homes, models, scenes
+from thinknav_trainer.commands import ask, bench, compare, episodes, evaluate, homes, models, scenes
 from thinknav_trainer.config import ConfigError, change_config, load_config, presets
 from thinknav_trainer.demo import run_demo
 from thinknav_trainer.dumps import TrainingDiverged
@@ -54,6 +54,7 @@ app.add_typer(episodes.app, name="episodes")
 app.add_typer(homes.app, name="homes")
 app.add_typer(bench.app, name="bench")
 app.add_typer(scenes.app, name="scenes")
+app.command("ask")(ask.ask)
 app.command("eval")(evaluate.evaluate)
 app.command("compare")(compare.compare_runs)
 app.add_typer(models.app, name="models")

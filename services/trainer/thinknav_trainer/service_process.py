@@ -24,7 +24,7 @@ class ServiceError(RuntimeError):
 
 
 @contextmanager
-def planning_service(log: Path, arguments: Sequence[str] = ("--planner", "scripted")) -> Iterator[str]:
+def planning_service(log: Path, arguments: Sequence[str] = ("--planner", "embedded")) -> Iterator[str]:
     """Start `thinknav-server serve`, yield its URL, and stop it, whatever happens in the block.
 
     log: where its output goes. The service ends by itself when this process dies: it watches its standard input.

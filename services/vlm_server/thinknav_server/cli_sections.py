@@ -20,7 +20,14 @@ from pydantic import ValidationError
 from thinknav_proto import describe
 from thinknav_server.hosts.process import ProcessSettings
 from thinknav_server.logs import LogFormat, LogLevel
-from thinknav_server.planners.options import PLANNERS, OpenAIOptions, PlannerOptions, QwenOptions, ScriptedOptions
+from thinknav_server.planners.options import (
+    PLANNERS,
+    EmbeddedOptions,
+    OpenAIOptions,
+    PlannerOptions,
+    QwenOptions,
+    ScriptedOptions,
+)
 
 _SCRIPTED = ScriptedOptions()
 _QWEN = QwenOptions()
@@ -31,7 +38,7 @@ _PROCESS = ProcessSettings()
 class TextEncoderName(StrEnum):
     """The text encoders that can be served."""
 
-    HASHED_WORDS = "embedded"
+    EMBEDDED = "embedded"
     CLIP = "clip"
 
 
@@ -70,16 +77,22 @@ def refused(message: str) -> typer.Exit:
 def planner_options(
     planner: Annotated[
         str, typer.Option(help=f"Who plans: {', '.join(PLANNERS)}, or one of your own as package.module:factory.")
-    ] = "scripted",
+    ] = PlannerOptions().planner,
     argument: Annotated[
         list[str] | None, typer.Option(metavar="NAME=VALUE", help="For a planner of your own; may be repeated.")
     ] = None,
+    weights: Annotated[
+        Path | None, typer.Option(help="embedded: a file of `thinknav models train subgoal`; default: the shipped one.")
+    ] = None,
+    threads: Annotated[
+        int, typer.Option(min=1, help="embedded: that a batch is worked on with.")
+    ] = EmbeddedOptions().threads,
     script: Annotated[Path | None, typer.Option(help="scripted: YAML or JSON file with the sentences.")] = None,
     latency: Annotated[float, typer.Option(min=0, help="scripted: seconds that each batch takes.")] = _SCRIPTED.latency,
     failure_rate: Annotated[
         float, typer.Option(min=0, max=1, help="scripted: share of requests that fail.")
     ] = _SCRIPTED.failure_rate,
-    seed: Annotated[int, typer.Option(help="scripted: of the failures.")] = _SCRIPTED.seed,
+    seed: Annotated[int, typer.Option(help="embedded, scripted: of what is drawn.")] = _SCRIPTED.seed,
     model: Annotated[
         str, typer.Option(help="qwen3-vl: a folder, or a name on the Hugging Face hub; any size.")
     ] = _QWEN.model,
@@ -106,7 +119,7 @@ def planner_options(
     ] = _QWEN.max_new_tokens,
     text_encoder: Annotated[
         TextEncoderName, typer.Option(help="Whose embeddings the subgoals get.")
-    ] = TextEncoderName.HASHED_WORDS,
+    ] = TextEncoderName.EMBEDDED,
     clip_model: Annotated[
         str, typer.Option(help="clip: a folder, or a name on the Hugging Face hub.")
     ] = PlannerOptions().clip_model,
@@ -115,6 +128,7 @@ def planner_options(
     return PlannerOptions(
         planner=planner,
         arguments=_arguments(argument or []),
+        embedded=EmbeddedOptions(weights=weights, seed=seed, threads=threads),
         scripted=ScriptedOptions(script=script, latency=latency, failure_rate=failure_rate, seed=seed),
         qwen=QwenOptions(model=model, device=device, max_new_tokens=max_new_tokens, prompt=prompt),
         openai=OpenAIOptions(

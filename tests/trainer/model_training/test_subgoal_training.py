@@ -13,9 +13,10 @@ from thinknav_trainer.model_training.lessons import Lesson, LessonStream
 from thinknav_trainer.model_training.subgoal_batch import Collator, without_earlier_views
 from thinknav_trainer.model_training.subgoal_evaluation import (
     Marks,
-    accuracy_table,
+    accuracy_row,
     calibration,
-    gate_for_recall,
+    gate_for_false_stops,
+    joined,
     majority,
     mark,
     stop_marks,
@@ -118,7 +119,7 @@ def marks() -> Marks:
 
 
 def test_marks_are_counted_right(marks: Marks) -> None:
-    (row,) = accuracy_table({"model": marks})
+    row = accuracy_row(marks)
     assert row["all"] == pytest.approx(3 / 6)
     assert row["all, in view"] == pytest.approx(2 / 3)
     assert row["way, in view"] == pytest.approx(1 / 2)  # without `stop`, whatever is left is likeliest
@@ -128,8 +129,18 @@ def test_marks_are_counted_right(marks: Marks) -> None:
 def test_stops_are_counted_right(marks: Marks) -> None:
     at_gate = stop_marks(marks, 0.5)
     assert (at_gate.precision, at_gate.recall, at_gate.false_rate) == pytest.approx((1 / 2, 1 / 2, 1 / 6))
-    assert gate_for_recall(marks, 0.5) == pytest.approx(0.7)
-    assert gate_for_recall(marks, 1.0) == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize(("rate", "false"), [(0.0, 0), (1 / 6, 1), (1.0, 4)])
+def test_the_gate_keeps_false_stops_to_a_share(marks: Marks, rate: float, false: int) -> None:
+    gate = gate_for_false_stops(marks, rate)
+    assert stop_marks(marks, gate).false_rate * len(marks.right) == pytest.approx(false)
+
+
+def test_exams_are_joined(marks: Marks) -> None:
+    both = joined([marks, marks])
+    assert len(both.right) == 2 * len(marks.right)
+    assert accuracy_row(both) == accuracy_row(marks)
 
 
 def test_the_majority_is_that_of_each_cell(marks: Marks) -> None:

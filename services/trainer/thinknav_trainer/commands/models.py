@@ -7,10 +7,15 @@ import typer
 from rich.console import Console
 
 from thinknav_models.clip.text import CLIP_WEIGHTS
+from thinknav_models.weights import SHIPPED
 from thinknav_trainer.config import ConfigError
-from thinknav_trainer.interrupt import interruption
+from thinknav_trainer.interrupt import Interruption, interruption
 
 CLIP_BATCHES = 1_800
+SUBGOAL_VISITS = 6_000
+MOST_HOMES = 100_000
+DEFAULT_OUTPUT = Path("runs/models")
+SUBGOAL_WEIGHTS = SHIPPED / "subgoal_vlm.safetensors"  # as in the model's own file, which loads torch
 
 app = typer.Typer(help="The small networks that ThinkNav ships: make them anew, measure them.", no_args_is_help=True)
 train_app = typer.Typer(help="Train from nothing, or go on where a training in the same folder was stopped.")
@@ -27,12 +32,16 @@ Seed = Annotated[int, typer.Option(min=0, help="of weights, poses and sentences"
 def train_all(context: typer.Context) -> None:
     """Train every network, one after the other."""
     if context.invoked_subcommand is None:
-        train_clip()
+        with interruption() as interrupted:
+            _make_clip(DEFAULT_OUTPUT, CLIP_BATCHES, [], 0, interrupted)
+            if not interrupted.requested:
+                _make_subgoal(DEFAULT_OUTPUT, SUBGOAL_VISITS, MOST_HOMES, [], 0, interrupted)
+        raise typer.Exit(interrupted.exit_code)
 
 
 @train_app.command("clip")
 def train_clip(
-    output: Output = Path("runs/models"),
+    output: Output = DEFAULT_OUTPUT,
     batches: Annotated[int, typer.Option(min=1, help="of the whole training")] = CLIP_BATCHES,
     scans: Scans = None,
     seed: Seed = 0,
@@ -41,18 +50,64 @@ def train_clip(
 
     Ctrl-C stops it with a checkpoint; the same command goes on from there.
     """
+    with interruption() as interrupted:
+        _make_clip(output, batches, scans or [], seed, interrupted)
+    raise typer.Exit(interrupted.exit_code)
+
+
+@train_app.command("subgoal")
+def train_subgoal(
+    output: Output = DEFAULT_OUTPUT,
+    visits: Annotated[int, typer.Option(min=2, help="to homes, in the whole training")] = SUBGOAL_VISITS,
+    homes: Annotated[int, typer.Option(min=1, help="that are visited in turn")] = MOST_HOMES,
+    scans: Scans = None,
+    seed: Seed = 0,
+) -> None:
+    """Train the subgoal VLM: write OUTPUT/subgoal_vlm.safetensors and its card, OUTPUT/subgoal_vlm.md.
+
+    Ctrl-C stops it with a checkpoint; the same command goes on from there.
+    """
+    with interruption() as interrupted:
+        _make_subgoal(output, visits, homes, scans or [], seed, interrupted)
+    raise typer.Exit(interrupted.exit_code)
+
+
+def _make_clip(output: Path, batches: int, scans: list[Path], seed: int, interrupted: Interruption) -> None:
     from thinknav_trainer.model_training.clip_train import ClipTraining
     from thinknav_trainer.model_training.clip_workflow import train_and_describe
 
+    _check_folder(output)
+    command = _command("clip", f"--batches {batches}", scans, seed)
+    _tell(train_and_describe(output, ClipTraining(batches), scans, command, interrupted, seed))
+
+
+def _make_subgoal(
+    output: Path, visits: int, homes: int, scans: list[Path], seed: int, interrupted: Interruption
+) -> None:
+    from thinknav_trainer.model_training.subgoal_training import Schooling
+    from thinknav_trainer.model_training.subgoal_workflow import train_and_describe
+
+    _check_folder(output)
+    command = _command("subgoal", f"--visits {visits} --homes {homes}", scans, seed)
+    schooling = Schooling(visits=visits, homes=len(scans) or homes, seed=seed)
+    _tell(train_and_describe(output, schooling, scans, command, interrupted))
+
+
+def _check_folder(output: Path) -> None:
     if output.exists() and not output.is_dir():
         raise ConfigError(f"--output {output} is not a folder")
-    options = [f"--batches {batches}", *(f"--scans {path}" for path in scans or ()), f"--seed {seed}"]
-    command = " ".join(["thinknav models train clip", *options])
-    with interruption() as interrupted:
-        path = train_and_describe(output, ClipTraining(batches), scans or (), command, interrupted, seed)
-    if path is not None:
-        Console().print(f"weights: {path}", soft_wrap=True, markup=False)
-    raise typer.Exit(interrupted.exit_code)
+
+
+def _command(network: str, length: str, scans: list[Path], seed: int) -> str:
+    """What to type to get the same again."""
+    return " ".join(
+        ["thinknav models train", network, length, *(f"--scans {path}" for path in scans), f"--seed {seed}"]
+    )
+
+
+def _tell(weights: Path | None) -> None:
+    if weights is not None:
+        Console().print(f"weights: {weights}", soft_wrap=True, markup=False)
 
 
 @evaluate_app.command("clip")
@@ -78,3 +133,29 @@ def evaluate_clip(
     )
     if examples is not None:
         console.print(f"examples: {write_examples(examples, weights, scans or ())}", soft_wrap=True, markup=False)
+
+
+@evaluate_app.command("subgoal")
+def evaluate_subgoal(
+    weights: Annotated[Path, typer.Option(help="of a subgoal VLM, by default the one that ThinkNav ships")] = SHIPPED
+    / "subgoal_vlm.safetensors",
+    scans: Scans = None,
+    homes: Annotated[int, typer.Option(min=2, help="validation homes to ask in")] = 60,
+) -> None:
+    """Print how often the subgoal VLM knows the way, with its controls."""
+    from thinknav_models.subgoal_vlm import load_network
+    from thinknav_trainer.model_training.subgoal_card import accuracy_table, calibration_table, stop_table
+    from thinknav_trainer.model_training.subgoal_workflow import examine
+
+    exam = examine(weights, homes, scans or ())
+    parts = [
+        "anywhere:",
+        accuracy_table(exam.anywhere),
+        "under way:",
+        accuracy_table(exam.under_way),
+        "stop:",
+        stop_table(exam, load_network(weights).stop_gate),
+        "confidence, under way, several frames:",
+        calibration_table(exam.under_way["several frames", "none"]),
+    ]
+    Console().print("\n\n".join(parts), soft_wrap=True, markup=False)

@@ -5,7 +5,7 @@ too was not won by looking.
 """
 
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Literal
 
 import numpy as np
@@ -50,6 +50,17 @@ class Marks:
         return float((likeliest == self.right)[asked].mean()) if asked.any() else float("nan")
 
 
+@dataclass(frozen=True)
+class Exam:
+    """Marks by what was shown ("one frame", "several frames") and control; the majority's are among them.
+
+    anywhere: at poses anywhere. under_way: on routes and near goals, as an agent asks.
+    """
+
+    anywhere: dict[tuple[str, str], Marks]
+    under_way: dict[tuple[str, str], Marks]
+
+
 def exam_lessons(homes: range, looks: tuple[int, int, int], source: SceneSource = HomeSource("val")) -> list[Lesson]:
     """One visit to each of some homes."""
     stream = iter(LessonStream(homes.stop, IMAGE_SIZE, homes.start, source, looks))
@@ -76,6 +87,16 @@ def mark(
     return Marks(chances, right, in_view)
 
 
+def all_marks(network: SubgoalNetwork, collate: Collator, lessons: Sequence[Lesson]) -> dict[tuple[str, str], Marks]:
+    """With one frame and with several, with each control, and the majority's."""
+    marks = {
+        (shown, control): mark(network, collate, lessons, several=several, control=control)
+        for shown, several in (("one frame", False), ("several frames", True))
+        for control in CONTROLS
+    }
+    return marks | {("either", "majority"): majority(marks["one frame", "none"])}
+
+
 def _controlled(lessons: Sequence[Lesson], control: Control) -> Iterator[Lesson]:
     for lesson, other in zip(lessons, [*lessons[1:], lessons[0]], strict=True):
         if control == "blank frame":
@@ -89,22 +110,20 @@ def _controlled(lessons: Sequence[Lesson], control: Control) -> Iterator[Lesson]
             yield lesson
 
 
-def accuracy_table(marks: dict[str, Marks]) -> list[dict[str, float | str]]:
-    """A row for each name: accuracy of all four directions and of the way, with the goal in view and not."""
-    rows: list[dict[str, float | str]] = []
-    for name, each in marks.items():
-        everything = np.ones(len(each.right), np.bool_)
-        rows.append(
-            {
-                "name": name,
-                "all": each.accuracy(everything),
-                "all, in view": each.accuracy(each.in_view),
-                "all, not in view": each.accuracy(~each.in_view),
-                "way, in view": each.way_accuracy(each.in_view),
-                "way, not in view": each.way_accuracy(~each.in_view),
-            }
-        )
-    return rows
+def accuracy_row(marks: Marks) -> dict[str, float]:
+    """Accuracy of all four directions and of the way, with the goal in view and not."""
+    return {
+        "all": marks.accuracy(np.ones(len(marks.right), np.bool_)),
+        "all, in view": marks.accuracy(marks.in_view),
+        "all, not in view": marks.accuracy(~marks.in_view),
+        "way, in view": marks.way_accuracy(marks.in_view),
+        "way, not in view": marks.way_accuracy(~marks.in_view),
+    }
+
+
+def joined(marks: Sequence[Marks]) -> Marks:
+    """Several exams as one."""
+    return Marks(*(np.concatenate([getattr(each, item.name) for each in marks]) for item in fields(Marks)))
 
 
 def majority(marks: Marks) -> Marks:
@@ -133,10 +152,11 @@ def stop_marks(marks: Marks, gate: float) -> StopMarks:
     return StopMarks(gate, hits / max(1, said.sum()), hits / max(1, right.sum()), float((said & ~right).mean()))
 
 
-def gate_for_recall(marks: Marks, recall: float) -> float:
-    """The highest gate at which so many of the true stops are said."""
-    chances = np.sort(marks.chances[marks.right == Action.STOP, Action.STOP])[::-1]
-    return float(chances[int(np.ceil(recall * len(chances))) - 1])
+def gate_for_false_stops(marks: Marks, rate: float) -> float:
+    """The lowest gate at which false stops are no more than a share of all questions."""
+    false = np.sort(marks.chances[marks.right != Action.STOP, Action.STOP])[::-1]
+    allowed = int(rate * len(marks.right))
+    return float(np.nextafter(false[allowed], np.float32(2))) if allowed < len(false) else 0.0
 
 
 def calibration(marks: Marks) -> Iterable[tuple[float, float, int]]:

@@ -16,6 +16,7 @@ from torch.utils.data import DataLoader
 
 from thinknav_models.subgoal_language import Vocabulary
 from thinknav_models.subgoal_network import IMAGE_SIZE, NetworkConfig, SubgoalNetwork
+from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.model_training.frames import HomeSource, SceneSource
 from thinknav_trainer.model_training.lessons import Lesson, LessonStream
 from thinknav_trainer.model_training.sentences import all_words
@@ -121,10 +122,12 @@ def teach(
     folder: Path,
     lessons: Callable[[Schooling, int], Lessons] | None = None,
     source: SceneSource = HomeSource("planner"),
+    interruption: Interruption | None = None,
 ) -> Pupil:
     """Teach a network, or go on with the one in the folder; leaves `checkpoint.pt` there.
 
-    lessons: those from an update on; unless given, drawn in the scenes of `source`. Raises SchoolingError.
+    lessons: those from an update on; unless given, drawn in the scenes of `source`. An interruption ends it early, with
+    a checkpoint. Raises SchoolingError.
     """
     pupil = Pupil(schooling)
     checkpoint = folder / "checkpoint.pt"
@@ -133,13 +136,14 @@ def teach(
     drawn = lessons(schooling, pupil.updates) if lessons else draw_lessons(schooling, pupil.updates, source)
     noted: dict[str, float] = {}
     with progress_bar("teaching the subgoal model", schooling.updates, pupil.updates, unit="updates") as bar:
-        while pupil.updates < schooling.updates:
+        while pupil.updates < schooling.updates and not (interruption and interruption.requested):
             losses = pupil.learn(next(drawn))
             for name, loss in losses.items():
                 noted[name] = noted.get(name, loss) + (loss - noted.get(name, loss)) / _NOTED
             bar.update(pupil.updates, " ".join(f"{name} {value:.3f}" for name, value in noted.items()))
-            if pupil.updates % schooling.save_every == 0 or pupil.updates == schooling.updates:
+            if pupil.updates % schooling.save_every == 0:
                 pupil.save(checkpoint)
+    pupil.save(checkpoint)
     return pupil
 
 

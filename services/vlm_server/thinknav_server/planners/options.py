@@ -21,6 +21,16 @@ class _Options(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
 
 
+class EmbeddedOptions(_Options):
+    """weights: a file of `thinknav models train subgoal`; the shipped ones unless given.
+    seed: of what is drawn at a temperature. threads: that a batch is worked on with.
+    """
+
+    weights: Path | None = None
+    seed: int = 0
+    threads: Annotated[int, Field(ge=1)] = 1
+
+
 class ScriptedOptions(_Options):
     """script: YAML or JSON file with the sentences. latency: seconds that each batch takes.
     failure_rate: share of requests that fail. seed: of the failures.
@@ -64,8 +74,9 @@ class PlannerOptions(_Options):
     text_encoder: "embedded" or "clip". clip_model: a folder, or a name on the Hugging Face hub.
     """
 
-    planner: str = "scripted"
+    planner: str = "embedded"
     arguments: dict[str, str] = {}
+    embedded: EmbeddedOptions = EmbeddedOptions()
     scripted: ScriptedOptions = ScriptedOptions()
     qwen: QwenOptions = QwenOptions()
     openai: OpenAIOptions = OpenAIOptions()
@@ -73,7 +84,7 @@ class PlannerOptions(_Options):
     clip_model: str = "openai/clip-vit-base-patch32"
 
 
-PLANNERS = ("scripted", "qwen3-vl", "openai")
+PLANNERS = ("embedded", "scripted", "qwen3-vl", "openai")
 
 
 def load_thinker(options: PlannerOptions) -> Thinker:
@@ -93,6 +104,10 @@ def load_text_encoder(options: PlannerOptions) -> TextEncoder:
 
 
 def _load_planner(options: PlannerOptions) -> Planner:
+    if options.planner == "embedded":
+        from thinknav_server.planners.embedded import EmbeddedPlanner
+
+        return EmbeddedPlanner(options.embedded.weights, options.embedded.seed, options.embedded.threads)
     if options.planner == "scripted":
         chosen = options.scripted
         script = load_script(chosen.script) if chosen.script else Script()
