@@ -20,6 +20,7 @@ ROWS = (
     ("success", "success"),
     ("spl", "SPL"),
     ("soft_spl", "SoftSPL"),
+    ("sot", "SOT (success weighted by time)"),
     ("distance_to_goal", "distance to goal at the end, m"),
     ("steps", "steps of an episode"),
     ("think_rate", "share of steps spent thinking"),
@@ -43,6 +44,7 @@ def write_report(folder: Path) -> Path:
         curves=[draw_curve(metrics, panel) for panel in panels(metrics)],
         columns=[_column(result) for result, _ in evaluations],
         rows=ROWS,
+        failures=_failures([result["failures"] for result, _ in evaluations]),
         planner=(evaluations[-1][0]["protocol"]["planner"] or "").partition("@")[0],
         steps=int(metrics[-1]["steps"]),
         thoughts=metrics[-1],
@@ -89,6 +91,12 @@ def _column(result: dict[str, Any]) -> dict[str, Any]:
     steps = result["protocol"]["checkpoint_steps"]
     title = "untrained" if steps == 0 else f"after {steps:,} steps"
     return {"title": title, "summary": result["summary"], "episodes": result["protocol"]["episodes"]}
+
+
+def _failures(counts: Sequence[dict[str, int]]) -> list[tuple[str, list[int]]]:
+    """A row for each cause of failure that occurs: its words, and how often in each evaluation."""
+    causes = sorted({cause for column in counts for cause in column})
+    return [(cause.replace("_", " "), [column.get(cause, 0) for column in counts]) for cause in causes]
 
 
 def _template() -> jinja2.Template:
