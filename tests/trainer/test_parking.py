@@ -85,7 +85,7 @@ class CountingEnv:
             final[row] = {name: values[row] for name, values in seen.items()}
         rewards = np.array([reward(*at) for at in now], np.float32)
         infos = {
-            "reward_terms": {"slack": rewards, "progress": np.zeros_like(rewards)},
+            "reward_terms": {"slack": rewards, "progress": np.zeros(len(envs), np.float32)},
             "episode": {},
             "episode_index": np.zeros(len(envs)),
             "final_obs": final,
