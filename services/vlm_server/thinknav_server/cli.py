@@ -1,7 +1,6 @@
 """The command `thinknav-server`."""
 
 import logging
-import os
 import signal
 from enum import StrEnum
 from pathlib import Path
@@ -13,11 +12,13 @@ from pydantic import ValidationError
 
 from thinknav_models import HashedWords
 from thinknav_proto import Limits, describe
+from thinknav_server.cli_doors import door_settings, limits
+from thinknav_server.cli_sections import takes
 from thinknav_server.doors import open_doors
 from thinknav_server.planners import Planner, Script, ScriptedPlanner, load_script
 from thinknav_server.server import run, stop_at_end_of_input
 from thinknav_server.service import PlanningService
-from thinknav_server.settings import DEFAULT_LIMITS, DoorSettings, Settings
+from thinknav_server.settings import DoorSettings, Settings
 from thinknav_server.settings_file import SettingsFile
 
 app = typer.Typer(
@@ -26,9 +27,6 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     context_settings={"auto_envvar_prefix": "THINKNAV_SERVER"},
 )
-
-
-_DOORS = DoorSettings()
 
 
 class PlannerName(StrEnum):
@@ -52,39 +50,11 @@ def about() -> None:
 
 
 @app.command()
+@takes(doors=door_settings, limits=limits)
 def serve(
+    doors: DoorSettings,
+    limits: Limits,
     _config: SettingsFile = None,
-    # doors
-    host: Annotated[
-        str, typer.Option(help="Address to listen on; others than loopback reach the network.")
-    ] = "127.0.0.1",
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Port to listen on; 0 picks a free one.")] = 8765,
-    token_file: Annotated[
-        Path | None, typer.Option(help="File of the clients that may ask, name:token a line. [env: also TOKENS]")
-    ] = None,
-    tls_cert: Annotated[Path | None, typer.Option(help="PEM file of the certificate to serve with.")] = None,
-    tls_key: Annotated[Path | None, typer.Option(help="PEM file of its key, unless that holds it too.")] = None,
-    insecure: Annotated[
-        bool, typer.Option("--insecure", help="Let everybody ask, even from beyond this machine.")
-    ] = False,
-    zenoh: Annotated[str | None, typer.Option(help="HOST:PORT to answer on over zenoh, too.")] = None,
-    zenoh_connect: Annotated[
-        str, typer.Option(help="HOST:PORT of zenoh routers and replicas to join, separated by commas.")
-    ] = "",
-    replica: Annotated[str, typer.Option(help="Name among the replicas; by default one of its own.")] = "",
-    tls_ca: Annotated[
-        Path | None, typer.Option(help="PEM file of who signed the certificates of those it joins.")
-    ] = None,
-    # limits
-    max_body_bytes: Annotated[int, typer.Option(min=1, help="Of one body.")] = DEFAULT_LIMITS.max_body_bytes,
-    max_held_bytes: Annotated[int, typer.Option(min=1, help="Of all bodies at one moment.")] = _DOORS.max_held_bytes,
-    body_timeout: Annotated[float, typer.Option(min=0.001, help="Seconds for a body to arrive.")] = _DOORS.body_timeout,
-    max_frames: Annotated[int, typer.Option(min=1, help="Frames in one body.")] = DEFAULT_LIMITS.max_frames,
-    max_pixels: Annotated[int, typer.Option(min=1, help="Of one frame.")] = DEFAULT_LIMITS.max_pixels,
-    max_text_length: Annotated[
-        int, typer.Option(min=1, help="Characters of a goal or a text.")
-    ] = DEFAULT_LIMITS.max_text_length,
-    # planner
     planner: Annotated[PlannerName, typer.Option(help="Who plans.")] = PlannerName.SCRIPTED,
     script: Annotated[Path | None, typer.Option(help="scripted: YAML or JSON file with the sentences.")] = None,
     latency: Annotated[float, typer.Option(min=0, help="scripted: seconds that each batch takes.")] = 0.0,
@@ -107,36 +77,14 @@ def serve(
         stop_at_end_of_input()
     logging.basicConfig(level=log_level.upper(), format="%(asctime)s %(levelname)s %(name)s: %(message)s")
     try:
-        limits = Limits(
-            max_frames=max_frames,
-            max_pixels=max_pixels,
-            max_body_bytes=max_body_bytes,
-            max_text_length=max_text_length,
-            max_texts=DEFAULT_LIMITS.max_texts,
-        )
         settings = Settings(max_batch=max_batch, max_wait=max_wait, queue_size=queue_size, limits=limits)
-        doors = DoorSettings(
-            host=host,
-            port=port,
-            token_file=token_file,
-            tokens=os.environ.get("THINKNAV_SERVER_TOKENS", ""),
-            tls_cert=tls_cert,
-            tls_key=tls_key,
-            insecure=insecure,
-            zenoh=zenoh,
-            zenoh_connect=zenoh_connect,
-            replica=replica,
-            tls_ca=tls_ca,
-            max_held_bytes=max_held_bytes,
-            body_timeout=body_timeout,
-        )
         service = PlanningService(_planner(planner, script, latency, failure_rate, seed), HashedWords(), settings)
-        door = open_doors(service, doors)
+        opened = open_doors(service, doors)
     except ValidationError as error:
         raise _refused(describe(error)) from None
     except (ValueError, OSError) as error:
         raise _refused(str(error)) from None
-    run(door.app, door.listener, announce, f"planner {service.info.identity}", door.tls)
+    run(opened.app, opened.listener, announce, f"planner {service.info.identity}", opened.tls)
 
 
 def main() -> None:
