@@ -18,17 +18,12 @@ NO_ACTION = -1
 
 @dataclass(frozen=True)
 class Decision:
-    """What N agents do, and what they saw when they chose it.
-
-    actions: (N,) int64. log_probs, values: (N,). hidden: the state after it, (2, layers, N, H). looked: what the policy
-    keeps of the observations, name -> (N, ...).
-    """
+    """What N agents do. actions: (N,) int64. log_probs, values: (N,). hidden: the state after it, (2, layers, N, H)."""
 
     actions: Tensor
     log_probs: Tensor
     values: Tensor
     hidden: Tensor
-    looked: dict[str, Tensor]
 
 
 class Actor:
@@ -45,21 +40,29 @@ class Actor:
         self._greedy = greedy
         self._generator = torch.Generator().manual_seed(seed)
 
+    def look(self, observations: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """What the policy keeps of observations. Whoever keeps them looks first: that is done once, and they are small.
+
+        `decide` and `values` take observations looked at or not.
+        """
+        with torch_threads(1):
+            return {name: values.numpy() for name, values in self._policy.vision.look(_tensors(observations)).items()}
+
     @torch.no_grad()
     def decide(self, observations: Mapping[str, NDArray[Any]]) -> Decision:
         """Choose the next actions."""
-        looked, logits, values, hidden = self._forward(observations, self.previous, self.hidden)
+        logits, values, hidden = self._forward(observations, self.previous, self.hidden)
         log_probs = logits.log_softmax(dim=1)
         if self._greedy:
             actions = log_probs.argmax(dim=1, keepdim=True)
         else:
             actions = torch.multinomial(log_probs.exp(), 1, generator=self._generator)
-        return Decision(actions[:, 0], log_probs.gather(1, actions)[:, 0], values, hidden, looked)
+        return Decision(actions[:, 0], log_probs.gather(1, actions)[:, 0], values, hidden)
 
     @torch.no_grad()
     def values(self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor) -> Tensor:
         """What observations are worth, without acting on them."""
-        return self._forward(observations, previous, hidden)[2]
+        return self._forward(observations, previous, hidden)[1]
 
     def advance(self, decision: Decision, done: NDArray[np.bool_]) -> None:
         """The actions were taken; where an episode ended, forget it."""
@@ -69,12 +72,10 @@ class Actor:
 
     def _forward(
         self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor
-    ) -> tuple[dict[str, Tensor], Tensor, Tensor, Tensor]:
-        tensors = {name: torch.from_numpy(values) for name, values in observations.items()}
+    ) -> tuple[Tensor, Tensor, Tensor]:
         # The products of one step are small: a second thread would cost more in waiting than it gives.
         with autocast(self._precision), torch_threads(1):
-            looked = self._policy.look(tensors)
-            return looked, *self._policy.step(looked, previous, hidden)
+            return self._policy.step(_tensors(observations), previous, hidden)
 
     def state_dict(self) -> dict[str, Any]:
         return {"previous": self.previous, "hidden": self.hidden, "generator": self._generator.get_state()}
@@ -82,3 +83,7 @@ class Actor:
     def load_state_dict(self, state: dict[str, Any]) -> None:
         self.previous, self.hidden = state["previous"], state["hidden"]
         self._generator.set_state(state["generator"])
+
+
+def _tensors(observations: Mapping[str, NDArray[Any]]) -> dict[str, Tensor]:
+    return {name: torch.from_numpy(values) for name, values in observations.items()}

@@ -35,7 +35,7 @@ class Collector:
         self._env = env
         self._actor = actor
         self._config = config
-        self._observations: Observations = env.reset()
+        self._observations: Observations = actor.look(env.reset())
 
     def collect(self) -> Rollout:
         """num_steps of each env. Raises Unavailable when the planner has been gone too long."""
@@ -44,14 +44,14 @@ class Collector:
         rewards, values, log_probs = (np.zeros(shape, np.float32) for _ in range(3))
         done = np.zeros(shape, bool)
         actions, previous = (np.zeros(shape, np.int64) for _ in range(2))
-        looked: list[dict[str, Tensor]] = []
+        observations: list[Observations] = []
         hidden: list[Tensor] = []
         for t in range(self._config.num_steps):
+            observations.append(self._observations)
             hidden.append(self._actor.hidden)
             previous[t] = self._actor.previous.numpy()
             with self.stopwatch("act"):
                 decision = self._actor.decide(self._observations)
-            looked.append(decision.looked)
             actions[t], values[t], log_probs[t] = (
                 part.numpy() for part in (decision.actions, decision.values, decision.log_probs)
             )
@@ -65,7 +65,8 @@ class Collector:
         starts, lengths, sequence_hidden = self._sequences(done, hidden)
         return Rollout(
             observations={
-                name: torch.stack([step[name] for step in looked], dim=1).flatten(0, 1) for name in looked[0]
+                name: torch.from_numpy(np.stack([step[name] for step in observations], axis=1)).flatten(0, 1)
+                for name in observations[0]
             },
             actions=_env_major(actions),
             previous_actions=_env_major(previous),
@@ -91,7 +92,7 @@ class Collector:
         return bonus
 
     def _advance(self, step: Step, decision: Decision, done: NDArray[np.bool_]) -> None:
-        self._observations = step.observations
+        self._observations = self._actor.look(step.observations)
         self._actor.advance(decision, done)
         self.recent.extend(step.ended)
         self.episodes_ended += len(step.ended)

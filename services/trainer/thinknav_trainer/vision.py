@@ -30,7 +30,10 @@ class Vision(nn.Module, ABC):
 
     @abstractmethod
     def look(self, observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Observations, rgb (B, H, W, 3) uint8 and depth (B, H, W, 1) float32 among them, as they are to be kept."""
+        """Observations, rgb (B, H, W, 3) uint8 and depth (B, H, W, 1) float32 among them, as they are to be kept.
+
+        Those that were looked at before are as they should be.
+        """
 
     @abstractmethod
     def prepare(self, looked: Mapping[str, Tensor]) -> dict[str, Tensor]:
@@ -69,6 +72,8 @@ class ClipVision(Vision):
 
     def look(self, observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """`sight` (B, feature_size) and `coarse_depth` (B, 1, 32, 32), both float16, in place of the pictures."""
+        if "sight" in observations:
+            return dict(observations)
         depth = functional.adaptive_avg_pool2d(observations["depth"].permute(0, 3, 1, 2), COARSE_DEPTH)
         sight = self._encoder.features(observations["rgb"])
         return _without_pictures(observations) | {"sight": sight, "coarse_depth": depth.to(torch.float16)}

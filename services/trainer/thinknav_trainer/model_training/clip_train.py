@@ -134,7 +134,7 @@ def jittered(rgb: Tensor) -> Tensor:
     count = len(frames)
     if torch.rand(()) < COARSE:
         small = functional.avg_pool2d(frames.permute(0, 3, 1, 2), 2)
-        frames = resampled(small.permute(0, 2, 3, 1)).permute(0, 2, 3, 1)
+        frames = resampled(small.permute(0, 2, 3, 1), frames.dtype).permute(0, 2, 3, 1)
     gain = torch.empty(count, 1, 1, 3).uniform_(0.9, 1.1) * torch.empty(count, 1, 1, 1).uniform_(0.75, 1.3)
     shift = torch.empty(count, 1, 1, 1).uniform_(-20, 20)
     grey = torch.rand(count) < 0.05
