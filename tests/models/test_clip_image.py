@@ -58,7 +58,7 @@ def test_features_keep_their_place_in_the_picture() -> None:
 @pytest.mark.parametrize(("height", "width"), [(256, 256), (384, 128), (200, 300), (64, 64), (32, 48)])
 def test_frames_of_other_sizes_are_resampled(height: int, width: int) -> None:
     pictures = torch.full((2, height, width, 3), 77, dtype=torch.uint8)
-    made = resampled(pictures, torch.bfloat16)
+    made = resampled(pictures)
     assert made.shape == (2, 3, FRAME_SIZE, FRAME_SIZE)
     torch.testing.assert_close(made.float(), torch.full_like(made.float(), 77), atol=0.5, rtol=0)
     assert ClipImageEncoder.load().encode(frames(2, height, width)).shape == (2, 512)

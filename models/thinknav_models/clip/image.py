@@ -71,7 +71,7 @@ class ClipImageEncoder:
         return self.embed(self.features(frames))
 
     def _features(self, frames: Tensor) -> Tensor:
-        x = resampled(frames, self._dtype)
+        x = resampled(frames).to(self._dtype)
         last = len(self._kernels) - 1
         for index, (kernel, bias) in enumerate(zip(self._kernels, self._biases, strict=True)):
             padding = STEM_PADDING if index == 0 else kernel.shape[2] // 2
@@ -87,17 +87,10 @@ class ClipImageEncoder:
         return tensor.contiguous(memory_format=torch.channels_last) if tensor.ndim == 4 else tensor
 
 
-def resampled(frames: Tensor, dtype: torch.dtype) -> Tensor:
-    """Frames (N, H, W, 3) as (N, 3, 128, 128) of a floating dtype.
-
-    Larger ones by the mean over what each pixel covers, smaller ones bilinearly.
-    """
-    pixels = frames.permute(0, 3, 1, 2).to(dtype)
-    height, width = pixels.shape[2:]
-    if (height, width) == (FRAME_SIZE, FRAME_SIZE):
+def resampled(frames: Tensor) -> Tensor:
+    """Frames (N, H, W, 3) uint8 as (N, 3, 128, 128) uint8, averaged where they shrink."""
+    pixels = frames.permute(0, 3, 1, 2)
+    if tuple(pixels.shape[2:]) == (FRAME_SIZE, FRAME_SIZE):
         return pixels
-    if height % FRAME_SIZE == 0 and width % FRAME_SIZE == 0:
-        return functional.avg_pool2d(pixels, (height // FRAME_SIZE, width // FRAME_SIZE))
-    if height >= FRAME_SIZE and width >= FRAME_SIZE:
-        return functional.interpolate(pixels, (FRAME_SIZE, FRAME_SIZE), mode="area")
-    return functional.interpolate(pixels, (FRAME_SIZE, FRAME_SIZE), mode="bilinear")
+    shrinks = max(pixels.shape[2:]) > FRAME_SIZE
+    return functional.interpolate(pixels, (FRAME_SIZE, FRAME_SIZE), mode="bilinear", antialias=shrinks)

@@ -15,7 +15,7 @@ from thinknav_models.clip.image import ClipImageEncoder
 from thinknav_trainer.config import PolicyConfig
 
 COARSE_DEPTH = 32  # pixels, each way: enough to see what is in the way
-DEPTH_CHANNELS = (16, 32)
+DEPTH_CHANNELS = (16, 32, 32)
 
 
 class EmbeddingSpaceError(ValueError):
@@ -57,15 +57,17 @@ class ClipVision(Vision):
 
     def __init__(self, encoder: ClipImageEncoder, out_features: int) -> None:
         super().__init__()
-        first, second = DEPTH_CHANNELS
+        first, second, third = DEPTH_CHANNELS
         self.depth = nn.Sequential(
             nn.Conv2d(1, first, kernel_size=4, stride=2, padding=1),
             nn.ReLU(),
             nn.Conv2d(first, second, kernel_size=4, stride=2, padding=1),
             nn.ReLU(),
+            nn.Conv2d(second, third, kernel_size=4, stride=2, padding=1),
+            nn.ReLU(),
             nn.Flatten(),
         )
-        flat = second * (COARSE_DEPTH // 4) ** 2
+        flat = third * (COARSE_DEPTH // 8) ** 2
         self.linear = nn.Sequential(nn.Linear(encoder.feature_size + flat, out_features), nn.ReLU())
         self._encoder = encoder  # no module: neither trained nor saved with a policy
         _initialize(self)

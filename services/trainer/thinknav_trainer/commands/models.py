@@ -67,6 +67,8 @@ def evaluate_clip(
     from thinknav_trainer.model_training.clip_examples import write_examples
     from thinknav_trainer.model_training.clip_workflow import evaluate_weights
 
+    if examples is not None and examples.exists() and not examples.is_dir():
+        raise ConfigError(f"--examples {examples} is not a folder")
     measures, gap = evaluate_weights(weights, scans or (), homes)
     console = Console()
     console.print(table(measures), soft_wrap=True, markup=False)
@@ -77,4 +79,6 @@ def evaluate_clip(
         markup=False,
     )
     if examples is not None:
-        console.print(f"examples: {write_examples(examples, weights, scans or ())}", soft_wrap=True, markup=False)
+        console.print(
+            f"examples: {write_examples(examples, weights, scans or (), homes)}", soft_wrap=True, markup=False
+        )

@@ -89,7 +89,7 @@ def _training_data(plan: FramePlan, training: ClipTraining, scans: Sequence[Path
     homes = plan.scenes_per_batch + (training.batches - 1) // plan.batches_per_scene
     return (
         f"{training.batches * plan.scenes_per_batch * plan.frames_per_scene:,} frames of {homes:,} procedural homes of "
-        "the planner-training seeds, 128 x 128 pixels: 60 % from anywhere, 40 % from near an object and turned to it."
+        "the planner-training seeds, 128 x 128 pixels:\n60 % from anywhere, 40 % from near an object and turned to it."
     )
 
 
