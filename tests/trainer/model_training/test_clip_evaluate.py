@@ -33,7 +33,7 @@ def test_directions_that_lie_together_are_found_out() -> None:
     assert _nearest_is_own(apart).all()
     rng = np.random.default_rng(0)
     assert _nearest_is_own(rng.normal(size=(4, 50, 8)).astype(np.float32)).mean() < 0.5
-    gap = direction_gap(lambda texts: np.ones((len(texts), 4), np.float32) / 2)
+    gap = direction_gap(lambda texts: np.full((len(texts), 4), 0.5, np.float32))
     assert gap.same == gap.other == gap.closest == 1.0
 
 
@@ -62,7 +62,9 @@ def test_evaluation_frames_are_of_validation_homes() -> None:
 
 def test_training_writes_weights_and_a_card(tmp_path: Path) -> None:
     """With a worker process, as people run it."""
-    path = train_and_describe(tmp_path, ClipTraining(1), (), "the command", Interruption(), evaluation_homes=2)
+    path = train_and_describe(
+        tmp_path, tmp_path / "checkpoints", ClipTraining(1), (), "the command", Interruption(), evaluation_homes=2
+    )
     assert path == tmp_path / "clip.safetensors"
     encoder = ClipTextEncoder.load(path)
     card = (tmp_path / "clip.md").read_text()

@@ -107,7 +107,7 @@ def train_clip(
             bar.update(done, f"loss {float(loss.detach()):.2f}, found {parts['found_0']:.2f}")
             if done % training.log_every == 0:
                 _log(folder, {"batch": done, "loss": float(loss.detach())} | parts)
-            if done % training.checkpoint_every == 0 or done == training.batches:
+            if done % training.checkpoint_every == 0 or done == training.batches or interruption.requested:
                 _save(checkpoint, model, optimizer, training, plan, done)
     return model
 

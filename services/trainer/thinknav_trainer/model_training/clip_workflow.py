@@ -27,6 +27,7 @@ EVALUATION_HOMES = 50
 
 def train_and_describe(
     output: Path,
+    checkpoints: Path,
     training: ClipTraining,
     scans: Sequence[Path],
     command: str,
@@ -38,9 +39,10 @@ def train_and_describe(
     source: SceneSource = ScanSource(tuple(scans)) if scans else HomeSource("planner")
     plan = FramePlan(source, ObjectNavConfig(), seed)
     categories = source.categories() if isinstance(source, ScanSource) else ()
-    model = train_clip(plan, training, vocabulary_for(categories), output / "clip-training", interruption)
+    model = train_clip(plan, training, vocabulary_for(categories), checkpoints, interruption)
     if interruption.requested:
         return None
+    output.mkdir(parents=True, exist_ok=True)
     path = output / WEIGHTS_NAME
     revision = model.save(path)
     measures, gap = evaluate_weights(path, scans, evaluation_homes)
