@@ -1,6 +1,5 @@
 """Networks and encoders that both sides of the wire must agree on."""
 
-from thinknav_models.hashed_words import HashedWords
 from thinknav_models.text_encoder import EmbeddingSpace, TextEncoder
 
-__all__ = ["EmbeddingSpace", "HashedWords", "TextEncoder"]
+__all__ = ["EmbeddingSpace", "TextEncoder"]
