@@ -18,7 +18,7 @@ evaluate_app = typer.Typer(help="Measure on validation homes, never seen in trai
 app.add_typer(train_app, name="train", invoke_without_command=True)
 app.add_typer(evaluate_app, name="evaluate")
 
-Output = Annotated[Path, typer.Option(help="folder of weights, card and checkpoints")]
+Output = Annotated[Path, typer.Option(help="folder of weights and card")]
 Scans = Annotated[list[Path] | None, typer.Option("--scans", help="scans to use in place of homes; may be repeated")]
 Seed = Annotated[int, typer.Option(min=0, help="of weights, poses and sentences")]
 
@@ -33,13 +33,14 @@ def train_all(context: typer.Context) -> None:
 @train_app.command("clip")
 def train_clip(
     output: Output = Path("runs/models"),
+    checkpoints: Annotated[Path, typer.Option(help="folder to go on from")] = Path("runs/models/clip-training"),
     batches: Annotated[int, typer.Option(min=1, help="of the whole training")] = CLIP_BATCHES,
     scans: Scans = None,
     seed: Seed = 0,
 ) -> None:
     """Train the small CLIP: write OUTPUT/clip.safetensors and its card, OUTPUT/clip.md.
 
-    Ctrl-C stops it with a checkpoint; the same command goes on from there.
+    It saves as it goes, and the same command goes on where it was stopped.
     """
     from thinknav_trainer.model_training.clip_train import ClipTraining
     from thinknav_trainer.model_training.clip_workflow import train_and_describe
@@ -49,10 +50,12 @@ def train_clip(
     options = [f"--batches {batches}", *(f"--scans {path}" for path in scans or ()), f"--seed {seed}"]
     command = " ".join(["thinknav models train clip", *options])
     with interruption() as interrupted:
-        path = train_and_describe(output, ClipTraining(batches), scans or (), command, interrupted, seed)
-    if path is not None:
-        Console().print(f"weights: {path}", soft_wrap=True, markup=False)
-    raise typer.Exit(interrupted.exit_code)
+        path = train_and_describe(
+            output, checkpoints, ClipTraining(batches), scans or (), command, interrupted, seed=seed
+        )
+    if path is None:
+        raise typer.Exit(interrupted.exit_code)
+    Console().print(f"weights: {path}", soft_wrap=True, markup=False)
 
 
 @evaluate_app.command("clip")
@@ -67,6 +70,8 @@ def evaluate_clip(
     from thinknav_trainer.model_training.clip_examples import write_examples
     from thinknav_trainer.model_training.clip_workflow import evaluate_weights
 
+    if examples is not None and examples.exists() and not examples.is_dir():
+        raise ConfigError(f"--examples {examples} is not a folder")
     measures, gap = evaluate_weights(weights, scans or (), homes)
     console = Console()
     console.print(table(measures), soft_wrap=True, markup=False)
@@ -77,4 +82,6 @@ def evaluate_clip(
         markup=False,
     )
     if examples is not None:
-        console.print(f"examples: {write_examples(examples, weights, scans or ())}", soft_wrap=True, markup=False)
+        console.print(
+            f"examples: {write_examples(examples, weights, scans or (), homes)}", soft_wrap=True, markup=False
+        )
