@@ -1,6 +1,6 @@
 """What a text encoder is, and how two sides know that they mean the same one.
 
-Knows no particular encoder; `clip.text` is one.
+Knows no particular encoder; `clip` holds one.
 """
 
 from collections.abc import Sequence

@@ -134,8 +134,6 @@ class Training:
         thoughts = [json.loads(line) for line in (self.folder / "thoughts.jsonl").read_text().splitlines()]
         assert len(thoughts) == done
         assert sum(thought["subgoal"] is not None for thought in thoughts) == env["counts"]["answered"]
-        ended = last.state["collector"]["episodes_ended"]
-        assert ended > 0
         self._client.close()
 
     def join(self) -> None:

@@ -24,8 +24,12 @@ def one(
 
 
 @app.command()
-def two(_config: SettingsFile = None, other: Annotated[str, typer.Option()] = "x") -> None:
-    typer.echo(other)
+def two(
+    _config: SettingsFile = None,
+    other: Annotated[str, typer.Option()] = "x",
+    many: Annotated[list[str] | None, typer.Option()] = None,
+) -> None:
+    typer.echo(f"{other} {many or []}")
 
 
 def run(tmp_path: Path, text: str, *arguments: str, **environment: str) -> tuple[int, str]:
@@ -49,7 +53,8 @@ def test_each_source_has_its_place(tmp_path: Path) -> None:
 def test_one_file_may_serve_two_commands(tmp_path: Path) -> None:
     text = "batch_size: 2\nother: y\n"
     assert run(tmp_path, text) == (0, "2 nobody False None\n")
-    assert run(tmp_path, text, "two") == (0, "y\n")
+    assert run(tmp_path, text, "two") == (0, "y []\n")
+    assert run(tmp_path, "many: [a, b]\n", "two") == (0, "x ['a', 'b']\n")
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ def test_layers_override_one_another(tmp_path: Path) -> None:
         ("ppo.clp=1", "did you mean 'ppo.clip'"),
         ("gamma=1", "did you mean 'ppo.gamma'"),
         ("ppo.gamma=2", r"ppo.gamma: .*less than or equal to 1 \(got 2\)"),
-        ("think.strategy=often", "think.strategy: .*'never', 'agent'"),
+        ("think.strategy=often", "think.strategy: .*'never', 'agent', 'every_n' or 'once'"),
         ("ppo.lr", "--set takes key=value"),
         ("ppo..lr=1", "--set takes key=value"),
         ("ppo.lr=[", "not a value that YAML understands"),

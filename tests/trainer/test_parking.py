@@ -85,7 +85,7 @@ class CountingEnv:
             final[row] = {name: values[row] for name, values in seen.items()}
         rewards = np.array([reward(*at) for at in now], np.float32)
         infos = {
-            "reward_terms": {"slack": rewards, "progress": np.zeros_like(rewards)},
+            "reward_terms": {"slack": rewards, "progress": np.zeros(len(envs), np.float32)},
             "episode": {},
             "episode_index": np.zeros(len(envs)),
             "final_obs": final,
@@ -107,8 +107,10 @@ class CountingActor:
         at = [(int(env), int(k)) for env, k in observations["gps"]]
         actions = torch.tensor([int(action(*now)) for now in at])
         log_probs = torch.tensor([-(1.0 + 100 * env + k) for env, k in at])
-        looked = {name: torch.from_numpy(rows) for name, rows in observations.items()}
-        return Decision(actions, log_probs, self.values(observations), self.hidden[:, :, agents] + 1, looked)
+        return Decision(actions, log_probs, self.values(observations), self.hidden[:, :, agents] + 1)
+
+    def look(self, observations: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        return observations
 
     def values(self, observations: Mapping[str, NDArray[Any]], *_: Tensor) -> Tensor:
         return torch.tensor([value(*now) for now in observations["gps"]], dtype=torch.float32)

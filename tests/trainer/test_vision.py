@@ -34,6 +34,7 @@ def test_the_clip_is_asked_when_looking_and_never_again(monkeypatch: pytest.Monk
     assert looked["sight"].dtype == looked["coarse_depth"].dtype == torch.float16
     torch.testing.assert_close(looked["sight"], ClipImageEncoder.load().features(observations()["rgb"]))
     monkeypatch.setattr(ClipImageEncoder, "features", None)
+    assert vision.look(looked) == looked
     features = vision(vision.prepare(looked))
     assert features.shape == (3, 8)
     features.sum().backward()

@@ -88,19 +88,9 @@ class ClipImageEncoder:
 
 
 def resampled(frames: Tensor) -> Tensor:
-    """Frames (N, H, W, 3) as (N, 3, 128, 128).
-
-    Those of that size as they are; larger ones by the mean over what each pixel covers, smaller ones bilinearly, both
-    floating.
-    """
+    """Frames (N, H, W, 3) uint8 as (N, 3, 128, 128) uint8, averaged where they shrink."""
     pixels = frames.permute(0, 3, 1, 2)
-    height, width = pixels.shape[2:]
-    if (height, width) == (FRAME_SIZE, FRAME_SIZE):
+    if tuple(pixels.shape[2:]) == (FRAME_SIZE, FRAME_SIZE):
         return pixels
-    if not pixels.is_floating_point():
-        pixels = pixels.float()
-    if height % FRAME_SIZE == 0 and width % FRAME_SIZE == 0:
-        return functional.avg_pool2d(pixels, (height // FRAME_SIZE, width // FRAME_SIZE))
-    if height >= FRAME_SIZE and width >= FRAME_SIZE:
-        return functional.interpolate(pixels, (FRAME_SIZE, FRAME_SIZE), mode="area")
-    return functional.interpolate(pixels, (FRAME_SIZE, FRAME_SIZE), mode="bilinear")
+    shrinks = max(pixels.shape[2:]) > FRAME_SIZE
+    return functional.interpolate(pixels, (FRAME_SIZE, FRAME_SIZE), mode="bilinear", antialias=shrinks)

@@ -22,23 +22,16 @@ EVERYONE = slice(None)
 
 @dataclass(frozen=True)
 class Decision:
-    """What n agents do, and what they saw when they chose it.
-
-    actions: (n,) int64. log_probs, values: (n,). hidden: the state after it, (2, layers, n, H). looked: what the policy
-    keeps of the observations, name -> (n, ...).
-    """
+    """What n agents do. actions: (n,) int64. log_probs, values: (n,). hidden: the state after it, (2, layers, n, H)."""
 
     actions: Tensor
     log_probs: Tensor
     values: Tensor
     hidden: Tensor
-    looked: dict[str, Tensor]
 
     def select(self, agents: Rows) -> "Decision":
         """That of some agents."""
-        looked = {name: rows[agents] for name, rows in self.looked.items()}
-        hidden = self.hidden[:, :, agents]
-        return Decision(self.actions[agents], self.log_probs[agents], self.values[agents], hidden, looked)
+        return Decision(self.actions[agents], self.log_probs[agents], self.values[agents], self.hidden[:, :, agents])
 
     def update(self, agents: Rows, decision: "Decision") -> "Decision":
         """This one with another in the place of some agents'; those rows are written over."""
@@ -46,8 +39,6 @@ class Decision:
             return decision
         self.actions[agents], self.log_probs[agents] = decision.actions, decision.log_probs
         self.values[agents], self.hidden[:, :, agents] = decision.values, decision.hidden
-        for name, rows in decision.looked.items():
-            self.looked[name][agents] = rows
         return self
 
 
@@ -69,24 +60,32 @@ class Actor:
         """Of agents who have not decided anything yet."""
         count = len(self.previous)
         nothing = torch.full((count,), NO_ACTION)
-        return Decision(nothing, torch.zeros(count), torch.zeros(count), torch.zeros_like(self.hidden), {})
+        return Decision(nothing, torch.zeros(count), torch.zeros(count), torch.zeros_like(self.hidden))
+
+    def look(self, observations: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+        """What the policy keeps of observations. Whoever keeps them looks first: that is done once, and they are small.
+
+        `decide` and `values` take observations looked at or not.
+        """
+        with torch_threads(1):
+            return {name: values.numpy() for name, values in self._policy.vision.look(_tensors(observations)).items()}
 
     @torch.no_grad()
     def decide(self, observations: Mapping[str, NDArray[Any]], agents: Rows = EVERYONE) -> Decision:
         """Choose the next actions of some agents, who observe (n, ...)."""
-        looked, logits, values, hidden = self._forward(observations, self.previous[agents], self.hidden[:, :, agents])
+        logits, values, hidden = self._forward(observations, self.previous[agents], self.hidden[:, :, agents])
         forced = observations.get(FORCED_THINK)
         log_probs = acting_log_probs(logits.log_softmax(dim=1), None if forced is None else torch.from_numpy(forced))
         if self._greedy:
             actions = log_probs.argmax(dim=1, keepdim=True)
         else:
             actions = torch.multinomial(log_probs.exp(), 1, generator=self._generator)
-        return Decision(actions[:, 0], log_probs.gather(1, actions)[:, 0], values, hidden, looked)
+        return Decision(actions[:, 0], log_probs.gather(1, actions)[:, 0], values, hidden)
 
     @torch.no_grad()
     def values(self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor) -> Tensor:
         """What observations are worth, without acting on them."""
-        return self._forward(observations, previous, hidden)[2]
+        return self._forward(observations, previous, hidden)[1]
 
     def advance(self, decision: Decision, done: NDArray[np.bool_], agents: Rows = EVERYONE) -> None:
         """Some agents took their actions; where an episode ended (n,), forget it."""
@@ -106,12 +105,10 @@ class Actor:
 
     def _forward(
         self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor
-    ) -> tuple[dict[str, Tensor], Tensor, Tensor, Tensor]:
-        tensors = {name: torch.from_numpy(values) for name, values in observations.items()}
+    ) -> tuple[Tensor, Tensor, Tensor]:
         # The products of one step are small: a second thread would cost more in waiting than it gives.
         with autocast(self._precision), torch_threads(1):
-            looked = self._policy.look(tensors)
-            return looked, *self._policy.step(looked, previous, hidden)
+            return self._policy.step(_tensors(observations), previous, hidden)
 
     def state_dict(self) -> dict[str, Any]:
         return {"previous": self.previous, "hidden": self.hidden, "generator": self._generator.get_state()}
@@ -125,3 +122,7 @@ def _without_ended(actions: Tensor, hidden: Tensor, done: NDArray[np.bool_]) -> 
     """Last actions (n,) and states (2, layers, n, H), as they are at the start of an episode where one ended (n,)."""
     ended = torch.from_numpy(done)
     return torch.where(ended, NO_ACTION, actions), hidden * ~ended[None, None, :, None]
+
+
+def _tensors(observations: Mapping[str, NDArray[Any]]) -> dict[str, Tensor]:
+    return {name: torch.from_numpy(values) for name, values in observations.items()}

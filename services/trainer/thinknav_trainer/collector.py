@@ -45,7 +45,7 @@ class Collector:
         self._actor = actor
         self._config = config
         # A row for each env: what it observes, and what it decided then; that is news for those who are to decide.
-        self._observations: Observations = env.reset()
+        self._observations: Observations = actor.look(env.reset())
         self._to_decide = np.arange(env.num_envs)
         self._decision = actor.no_decision()
 
@@ -99,7 +99,7 @@ class Collector:
         rows = self._rows(envs)
         return Transitions(
             envs=envs,
-            observations=decision.looked,
+            observations=_take(self._observations, rows),
             hidden=self._actor.hidden[:, :, rows],
             previous_actions=self._actor.previous[rows].numpy(),
             actions=decision.actions.numpy(),
@@ -111,10 +111,12 @@ class Collector:
 
     def _advance(self, envs: NDArray[np.int64], decision: Decision, step: Step) -> None:
         rows = self._rows(envs)
+        with self.stopwatch("act"):
+            looked = self._actor.look(step.observations)
         if isinstance(rows, slice):
-            self._observations = step.observations
+            self._observations = looked
         else:
-            for name, values in step.observations.items():
+            for name, values in looked.items():
                 self._observations[name][rows] = values
         self._actor.advance(decision, step.terminated | step.truncated, rows)
         self._to_decide = envs
@@ -128,7 +130,7 @@ class Collector:
 
     def restart(self) -> None:
         """Begin new episodes in all envs: someone else has stepped them, and nobody is parked."""
-        self._observations = self._env.reset()
+        self._observations = self._actor.look(self._env.reset())
         self._to_decide = np.arange(self._env.num_envs)
         self._actor.forget_everything()
 

@@ -106,15 +106,11 @@ class Policy(nn.Module):
         there = thoughts.any(dim=1, keepdim=True)
         return (thoughts - self.thought_centre) * self.thought_scale * there
 
-    def look(self, observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """What the policy keeps of an env's observations: all that it ever needs of a step, and no more."""
-        return self.vision.look(observations)
-
     def step(
-        self, looked: Mapping[str, Tensor], previous_actions: Tensor, hidden: Tensor
+        self, observations: Mapping[str, Tensor], previous_actions: Tensor, hidden: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
         """One step of N agents: logits (N, A), values (N,), and the next hidden state, all float32."""
-        features = self.features(self.vision.prepare(looked), previous_actions)
+        features = self.features(self.vision.prepare(self.vision.look(observations)), previous_actions)
         output, (h, c) = self.rnn(features[None].float(), (hidden[0], hidden[1]))
         logits, values = self._heads(output[0])
         return logits, values, torch.stack([h, c]).float()

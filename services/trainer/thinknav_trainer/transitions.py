@@ -19,14 +19,14 @@ from thinknav_trainer.rollout import Rollout, cut_sequences, generalized_advanta
 class Transitions:
     """One transition of each of n envs.
 
-    envs, actions, previous_actions: (n,) int64. observations: name -> (n, ...), what the policy keeps, and hidden
+    envs, actions, previous_actions: (n,) int64. observations: name -> (n, ...), before the action, and hidden
     (2, layers, n, H), the LSTM's state with them. log_probs, values: (n,) float32, as the actor had them.
     rewards: (n,) float32, with gamma x the value of the final observation where the episode was cut off.
     done: (n,) bool, an episode ended.
     """
 
     envs: NDArray[np.int64]
-    observations: Mapping[str, Tensor]
+    observations: Mapping[str, NDArray[Any]]
     hidden: Tensor
     previous_actions: NDArray[np.int64]
     actions: NDArray[np.int64]
@@ -87,16 +87,15 @@ class TransitionLog:
 def _gather(steps: list[Transitions], place: NDArray[np.int64]) -> dict[str, Tensor]:
     """Observations of all steps, each copied once, to its place."""
     gathered = {
-        name: torch.empty((len(place), *values.shape[1:]), dtype=values.dtype)
-        for name, values in steps[0].observations.items()
+        name: np.empty((len(place), *values.shape[1:]), values.dtype) for name, values in steps[0].observations.items()
     }
     first = 0
     for step in steps:
-        rows = torch.from_numpy(place[first : first + len(step.envs)])
+        rows = place[first : first + len(step.envs)]
         for name, values in step.observations.items():
             gathered[name][rows] = values
         first += len(rows)
-    return gathered
+    return {name: torch.from_numpy(values) for name, values in gathered.items()}
 
 
 def _advantages(

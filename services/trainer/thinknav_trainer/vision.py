@@ -15,7 +15,7 @@ from thinknav_models.clip.image import ClipImageEncoder
 from thinknav_trainer.config import PolicyConfig
 
 COARSE_DEPTH = 32  # pixels, each way: enough to see what is in the way
-DEPTH_CHANNELS = (16, 32)
+DEPTH_CHANNELS = (16, 32, 32)
 
 
 class EmbeddingSpaceError(ValueError):
@@ -30,7 +30,10 @@ class Vision(nn.Module, ABC):
 
     @abstractmethod
     def look(self, observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """Observations, rgb (B, H, W, 3) uint8 and depth (B, H, W, 1) float32 among them, as they are to be kept."""
+        """Observations, rgb (B, H, W, 3) uint8 and depth (B, H, W, 1) float32 among them, as they are to be kept.
+
+        Those that were looked at before are as they should be.
+        """
 
     @abstractmethod
     def prepare(self, looked: Mapping[str, Tensor]) -> dict[str, Tensor]:
@@ -54,21 +57,25 @@ class ClipVision(Vision):
 
     def __init__(self, encoder: ClipImageEncoder, out_features: int) -> None:
         super().__init__()
-        first, second = DEPTH_CHANNELS
+        first, second, third = DEPTH_CHANNELS
         self.depth = nn.Sequential(
             nn.Conv2d(1, first, kernel_size=4, stride=2, padding=1),
             nn.ReLU(),
             nn.Conv2d(first, second, kernel_size=4, stride=2, padding=1),
             nn.ReLU(),
+            nn.Conv2d(second, third, kernel_size=4, stride=2, padding=1),
+            nn.ReLU(),
             nn.Flatten(),
         )
-        flat = second * (COARSE_DEPTH // 4) ** 2
+        flat = third * (COARSE_DEPTH // 8) ** 2
         self.linear = nn.Sequential(nn.Linear(encoder.feature_size + flat, out_features), nn.ReLU())
         self._encoder = encoder  # no module: neither trained nor saved with a policy
         _initialize(self)
 
     def look(self, observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
         """`sight` (B, feature_size) and `coarse_depth` (B, 1, 32, 32), both float16, in place of the pictures."""
+        if "sight" in observations:
+            return dict(observations)
         depth = functional.adaptive_avg_pool2d(observations["depth"].permute(0, 3, 1, 2), COARSE_DEPTH)
         sight = self._encoder.features(observations["rgb"])
         return _without_pictures(observations) | {"sight": sight, "coarse_depth": depth.to(torch.float16)}

@@ -54,7 +54,7 @@ class Demonstrations:
             log.add(
                 Transitions(
                     envs=np.arange(self._env.num_envs),
-                    observations=decision.looked,
+                    observations=self._actor.look(self._observations),
                     hidden=self._actor.hidden,
                     previous_actions=self._actor.previous.numpy(),
                     actions=chosen,

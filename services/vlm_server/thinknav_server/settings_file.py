@@ -29,7 +29,7 @@ def _read(context: typer.Context, path: Path | None) -> Path | None:
     settings = {str(key).replace("-", "_"): value for key, value in (values or {}).items()}
     known = _options(context)
     for name, value in settings.items():
-        if not isinstance(value, str | int | float):
+        if not isinstance(value, str | int | float) and not (known.get(name) and isinstance(value, list)):
             raise typer.BadParameter(f"{path}: {name} takes one value, not {value!r}")
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1)
@@ -39,16 +39,25 @@ def _read(context: typer.Context, path: Path | None) -> Path | None:
     return path
 
 
-def _options(context: typer.Context) -> set[str]:
-    """The names of the options of all commands."""
+def _options(context: typer.Context) -> dict[str, bool]:
+    """The names of the options of all commands, and whether each may be given several times."""
     group = context.parent.command if context.parent else context.command
-    commands = getattr(group, "commands", {}).values()
-    own = [parameter.name for parameter in context.command.params]
-    others = [parameter.name for command in commands for parameter in command.params]
-    return {name for name in (*own, *others) if name and name != "_config"}
+    commands = [context.command, *getattr(group, "commands", {}).values()]
+    return {
+        parameter.name: getattr(parameter, "multiple", False)
+        for command in commands
+        for parameter in command.params
+        if parameter.name and parameter.name != "_config"
+    }
 
 
 SettingsFile = Annotated[
     Path | None,
-    typer.Option("--config", is_eager=True, callback=_read, help="YAML file of options: max_batch: 16"),
+    typer.Option(
+        "--config",
+        envvar="THINKNAV_SERVER_CONFIG",
+        is_eager=True,
+        callback=_read,
+        help="YAML file of options: max_batch: 16",
+    ),
 ]

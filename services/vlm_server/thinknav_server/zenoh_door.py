@@ -28,12 +28,13 @@ from thinknav_proto import (
     info_key,
     subgoal_key,
 )
+from thinknav_server.caller import Caller
 from thinknav_server.intake import Intake
 from thinknav_server.service import PlanningService
 
 logger = logging.getLogger(__name__)
 
-Handler = Callable[[bytes], Awaitable[bytes]]
+Handler = Callable[[bytes, Caller], Awaitable[bytes]]
 
 # Seconds that queries in progress are given to end when the door closes.
 GRACE_S = 10.0
@@ -98,7 +99,7 @@ class ZenohDoor:
         try:
             with self._intake.body() as body:
                 body.add(len(query.payload or b""))
-                answer = await handler(query.payload.to_bytes() if query.payload else b"")
+                answer = await handler(query.payload.to_bytes() if query.payload else b"", _caller(query))
         except PlannerError as refusal:
             error = refusal
         except Exception:
@@ -107,13 +108,13 @@ class ZenohDoor:
         send = partial(query.reply_err, encode_error(error)) if error else partial(query.reply, key, answer)
         await asyncio.get_running_loop().run_in_executor(self._repliers, _send, query, send)
 
-    async def _subgoals(self, body: bytes) -> bytes:
-        return encode_replies(await self._service.answer_each(decode_requests(body)))
+    async def _subgoals(self, body: bytes, caller: Caller) -> bytes:
+        return encode_replies(await self._service.answer_each(decode_requests(body), caller))
 
-    async def _embed(self, body: bytes) -> bytes:
+    async def _embed(self, body: bytes, _caller: Caller) -> bytes:
         return encode_embed_reply(await self._service.embed(decode_embed_request(body)))
 
-    async def _info(self, _body: bytes) -> bytes:
+    async def _info(self, _body: bytes, _caller: Caller) -> bytes:
         return encode_info(self._service.introduce())
 
     async def _announce(self) -> None:
@@ -137,3 +138,9 @@ def _send(query: zenoh.Query, send: Callable[[], None]) -> None:
             send()
     except zenoh.ZError as error:
         logger.warning("a reply could not be sent: %s", error)
+
+
+def _caller(query: zenoh.Query) -> Caller:
+    """Clients take turns by the name that they give themselves: zenoh tells nothing else of them."""
+    name = query.attachment.to_bytes().decode("utf-8", "replace")[:64] if query.attachment else "unnamed"
+    return Caller(name, "zenoh")

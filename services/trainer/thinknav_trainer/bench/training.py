@@ -146,7 +146,7 @@ def _timed_parts(session: Session) -> Iterator[dict[str, float]]:
     """While the block runs: seconds of drawing, of drawing for the planner alone, and of encoding images to act."""
     env, policy = session.env.env, session.learner.policy
     parts = {"planner_frames": 0.0, "encoding": 0.0, "rendering": 0.0}
-    frames, look, began = env.frames, policy.look, [0.0]
+    frames, look, began = env.frames, policy.vision.look, [0.0]
 
     def timed_frames(*arguments: Any) -> Any:
         start = time.perf_counter()
@@ -169,11 +169,11 @@ def _timed_parts(session: Session) -> Iterator[dict[str, float]]:
 
     hooks = [policy.vision.register_forward_pre_hook(begin), policy.vision.register_forward_hook(end)]
     env.frames = timed_frames  # type: ignore[method-assign, assignment]
-    policy.look = timed_look  # type: ignore[method-assign]
+    policy.vision.look = timed_look  # type: ignore[method-assign]
     with timed_renderer(env) as renderer:
         yield parts
     parts["rendering"] = renderer.seconds
-    del env.frames, policy.look
+    del env.frames, policy.vision.look
     for hook in hooks:
         hook.remove()
 

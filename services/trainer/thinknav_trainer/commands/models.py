@@ -23,7 +23,7 @@ evaluate_app = typer.Typer(help="Measure on validation homes, never seen in trai
 app.add_typer(train_app, name="train", invoke_without_command=True)
 app.add_typer(evaluate_app, name="evaluate")
 
-Output = Annotated[Path, typer.Option(help="folder of weights, card and checkpoints")]
+Output = Annotated[Path, typer.Option(help="folder of weights and card")]
 Scans = Annotated[list[Path] | None, typer.Option("--scans", help="scans to use in place of homes; may be repeated")]
 Seed = Annotated[int, typer.Option(min=0, help="of weights, poses and sentences")]
 
@@ -33,7 +33,7 @@ def train_all(context: typer.Context) -> None:
     """Train every network, one after the other."""
     if context.invoked_subcommand is None:
         with interruption() as interrupted:
-            _make_clip(DEFAULT_OUTPUT, CLIP_BATCHES, [], 0, interrupted)
+            _make_clip(DEFAULT_OUTPUT, DEFAULT_OUTPUT / "clip-training", CLIP_BATCHES, [], 0, interrupted)
             if not interrupted.requested:
                 _make_subgoal(DEFAULT_OUTPUT, SUBGOAL_VISITS, MOST_HOMES, [], 0, interrupted)
         raise typer.Exit(interrupted.exit_code)
@@ -42,16 +42,17 @@ def train_all(context: typer.Context) -> None:
 @train_app.command("clip")
 def train_clip(
     output: Output = DEFAULT_OUTPUT,
+    checkpoints: Annotated[Path, typer.Option(help="folder to go on from")] = DEFAULT_OUTPUT / "clip-training",
     batches: Annotated[int, typer.Option(min=1, help="of the whole training")] = CLIP_BATCHES,
     scans: Scans = None,
     seed: Seed = 0,
 ) -> None:
     """Train the small CLIP: write OUTPUT/clip.safetensors and its card, OUTPUT/clip.md.
 
-    Ctrl-C stops it with a checkpoint; the same command goes on from there.
+    It saves as it goes, and the same command goes on where it was stopped.
     """
     with interruption() as interrupted:
-        _make_clip(output, batches, scans or [], seed, interrupted)
+        _make_clip(output, checkpoints, batches, scans or [], seed, interrupted)
     raise typer.Exit(interrupted.exit_code)
 
 
@@ -72,13 +73,15 @@ def train_subgoal(
     raise typer.Exit(interrupted.exit_code)
 
 
-def _make_clip(output: Path, batches: int, scans: list[Path], seed: int, interrupted: Interruption) -> None:
+def _make_clip(
+    output: Path, checkpoints: Path, batches: int, scans: list[Path], seed: int, interrupted: Interruption
+) -> None:
     from thinknav_trainer.model_training.clip_train import ClipTraining
     from thinknav_trainer.model_training.clip_workflow import train_and_describe
 
     _check_folder(output)
     command = _command("clip", f"--batches {batches}", scans, seed)
-    _tell(train_and_describe(output, ClipTraining(batches), scans, command, interrupted, seed))
+    _tell(train_and_describe(output, checkpoints, ClipTraining(batches), scans, command, interrupted, seed=seed))
 
 
 def _make_subgoal(
@@ -100,9 +103,8 @@ def _check_folder(output: Path) -> None:
 
 def _command(network: str, length: str, scans: list[Path], seed: int) -> str:
     """What to type to get the same again."""
-    return " ".join(
-        ["thinknav models train", network, length, *(f"--scans {path}" for path in scans), f"--seed {seed}"]
-    )
+    options = [length, *(f"--scans {path}" for path in scans), f"--seed {seed}"]
+    return f"thinknav models train {network} {' '.join(options)}"
 
 
 def _tell(weights: Path | None) -> None:
@@ -122,6 +124,8 @@ def evaluate_clip(
     from thinknav_trainer.model_training.clip_examples import write_examples
     from thinknav_trainer.model_training.clip_workflow import evaluate_weights
 
+    if examples is not None and examples.exists() and not examples.is_dir():
+        raise ConfigError(f"--examples {examples} is not a folder")
     measures, gap = evaluate_weights(weights, scans or (), homes)
     console = Console()
     console.print(table(measures), soft_wrap=True, markup=False)
@@ -132,13 +136,13 @@ def evaluate_clip(
         markup=False,
     )
     if examples is not None:
-        console.print(f"examples: {write_examples(examples, weights, scans or ())}", soft_wrap=True, markup=False)
+        written = write_examples(examples, weights, scans or (), homes)
+        console.print(f"examples: {written}", soft_wrap=True, markup=False)
 
 
 @evaluate_app.command("subgoal")
 def evaluate_subgoal(
-    weights: Annotated[Path, typer.Option(help="of a subgoal VLM, by default the one that ThinkNav ships")] = SHIPPED
-    / "subgoal_vlm.safetensors",
+    weights: Annotated[Path, typer.Option(help="of a subgoal VLM; default: the shipped ones")] = SUBGOAL_WEIGHTS,
     scans: Scans = None,
     homes: Annotated[int, typer.Option(min=2, help="validation homes to ask in")] = 60,
 ) -> None:

@@ -10,17 +10,17 @@ from thinknav_models.clip import ClipTextEncoder
 from thinknav_models.clip.image import ClipImageEncoder
 from thinknav_models.clip.nearest import nearest
 from thinknav_trainer.model_training.clip_evaluate import evaluation_frames
-from thinknav_trainer.model_training.clip_workflow import evaluation_plan
+from thinknav_trainer.model_training.clip_workflow import EVALUATION_HOMES, evaluation_plan
 from thinknav_trainer.model_training.grammar import describe
 
 EXAMPLES = 10
 SENTENCES = 3
 
 
-def write_examples(folder: Path, weights: Path, scans: Sequence[Path] = ()) -> Path:
+def write_examples(folder: Path, weights: Path, scans: Sequence[Path] = (), homes: int = EVALUATION_HOMES) -> Path:
     """Write the first EXAMPLES evaluation frames (not chosen) and examples.md into a folder; the page's path."""
     image_encoder, text_encoder = ClipImageEncoder.load(weights), ClipTextEncoder.load(weights)
-    frames = evaluation_frames(evaluation_plan(scans))
+    frames = evaluation_frames(evaluation_plan(scans, homes))
     folder.mkdir(parents=True, exist_ok=True)
     rows = ["| frame | what it shows | nearest sentences |", "|---|---|---|"]
     for number, (rgb, seen) in enumerate(zip(frames.rgb[:EXAMPLES], frames.sceneries, strict=False)):

@@ -12,7 +12,6 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from thinknav_models.clip.image import resampled
 from thinknav_models.clip.text import CLIP_KIND
 from thinknav_models.weights import WeightsError, save_weights
 from thinknav_sim.render import set_render_threads
@@ -90,6 +89,8 @@ def train_clip(
     checkpoint = folder / "checkpoint.pt"
     done = _restore(checkpoint, model, optimizer, training, plan)
     folder.mkdir(parents=True, exist_ok=True)
+    if done == training.batches:
+        return model
     batches = clip_batches(plan, vocabulary, done)
     with torch_threads(1), progress_bar("clip", training.batches, done, "batches") as bar:
         while done < training.batches and not interruption.requested:
@@ -106,7 +107,7 @@ def train_clip(
             bar.update(done, f"loss {float(loss.detach()):.2f}, found {parts['found_0']:.2f}")
             if done % training.log_every == 0:
                 _log(folder, {"batch": done, "loss": float(loss.detach())} | parts)
-            if done % training.checkpoint_every == 0 or done == training.batches:
+            if done % training.checkpoint_every == 0 or done == training.batches or interruption.requested:
                 _save(checkpoint, model, optimizer, training, plan, done)
     return model
 
@@ -134,7 +135,7 @@ def jittered(rgb: Tensor) -> Tensor:
     count = len(frames)
     if torch.rand(()) < COARSE:
         small = functional.avg_pool2d(frames.permute(0, 3, 1, 2), 2)
-        frames = resampled(small.permute(0, 2, 3, 1)).permute(0, 2, 3, 1)
+        frames = functional.interpolate(small, rgb.shape[1:3], mode="bilinear").permute(0, 2, 3, 1)
     gain = torch.empty(count, 1, 1, 3).uniform_(0.9, 1.1) * torch.empty(count, 1, 1, 1).uniform_(0.75, 1.3)
     shift = torch.empty(count, 1, 1, 1).uniform_(-20, 20)
     grey = torch.rand(count) < 0.05

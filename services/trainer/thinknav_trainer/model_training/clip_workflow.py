@@ -27,6 +27,7 @@ EVALUATION_HOMES = 50
 
 def train_and_describe(
     output: Path,
+    checkpoints: Path,
     training: ClipTraining,
     scans: Sequence[Path],
     command: str,
@@ -38,9 +39,10 @@ def train_and_describe(
     source: SceneSource = ScanSource(tuple(scans)) if scans else HomeSource("planner")
     plan = FramePlan(source, ObjectNavConfig(), seed)
     categories = source.categories() if isinstance(source, ScanSource) else ()
-    model = train_clip(plan, training, vocabulary_for(categories), output / "clip-training", interruption)
+    model = train_clip(plan, training, vocabulary_for(categories), checkpoints, interruption)
     if interruption.requested:
         return None
+    output.mkdir(parents=True, exist_ok=True)
     path = output / WEIGHTS_NAME
     revision = model.save(path)
     measures, gap = evaluate_weights(path, scans, evaluation_homes)
@@ -89,7 +91,7 @@ def _training_data(plan: FramePlan, training: ClipTraining, scans: Sequence[Path
     homes = plan.scenes_per_batch + (training.batches - 1) // plan.batches_per_scene
     return (
         f"{training.batches * plan.scenes_per_batch * plan.frames_per_scene:,} frames of {homes:,} procedural homes of "
-        "the planner-training seeds, 128 x 128 pixels: 60 % from anywhere, 40 % from near an object and turned to it."
+        "the planner-training seeds, 128 x 128 pixels:\n60 % from anywhere, 40 % from near an object and turned to it."
     )
 
 

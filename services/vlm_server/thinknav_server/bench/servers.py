@@ -2,13 +2,16 @@
 
 import base64
 import json
+import logging
+import os
+import signal
 import socket
 import subprocess
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -18,6 +21,8 @@ from PIL import Image
 
 from thinknav_proto import CONTENT_TYPE, Frame, SubgoalRequest, encode_requests
 from thinknav_server.bench.load import http_request
+
+logger = logging.getLogger(__name__)
 
 _START_S = 120.0
 _FRAMES = 512  # more than are asked at once, so that none is asked twice at a time
@@ -88,7 +93,8 @@ def litserve_requests(url: str, frames: list[bytes]) -> list[bytes]:
 
 @contextmanager
 def _running(command: list[str]) -> Iterator["subprocess.Popen[bytes]"]:
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=None)
+    # A session of its own, so that its workers end with it: LitServe's outlive a server that is killed.
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
     try:
         yield process
     finally:
@@ -96,8 +102,10 @@ def _running(command: list[str]) -> Iterator["subprocess.Popen[bytes]"]:
         try:
             process.wait(15)
         except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()
+            logger.warning("the server to measure did not stop when told to")
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
 
 
 def _wait(process: "subprocess.Popen[bytes]", ready: Callable[[], bool]) -> None:
