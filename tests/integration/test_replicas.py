@@ -101,7 +101,8 @@ class Asking:
     def _ask(self, client: PlannerClient) -> tuple[str, SubgoalReply | PlannerError]:
         self._number += 1
         name = f"{threading.get_ident()}-{self._number}"
-        request = SubgoalRequest(request_id=name, goal="chair", frame=FRAME, deadline=DEADLINE_S)
+        # At a temperature each question is planned for itself: no answer is shared or remembered.
+        request = SubgoalRequest(request_id=name, goal="chair", frame=FRAME, temperature=1.0, deadline=DEADLINE_S)
         began = time.monotonic()
         (answer,) = client.ask([request])
         assert time.monotonic() - began < DEADLINE_S + IN_TIME_S
