@@ -50,5 +50,6 @@ def test_shell_blocks_run(page: str, code: str, tmp_path: Path) -> None:
 
 def test_links_lead_somewhere() -> None:
     for page in PAGES:
-        for target in re.findall(r"\]\(([^)#]+)\)", page.read_text()):
+        prose = re.sub(r"^```.*?^```", "", page.read_text(), flags=re.DOTALL | re.MULTILINE)
+        for target in re.findall(r"\]\(([^)#]+)\)", prose):
             assert target.startswith("http") or (page.parent / target).exists(), f"{page.name}: {target}"

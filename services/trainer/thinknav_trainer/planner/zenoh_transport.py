@@ -4,6 +4,7 @@ Knows sessions, keys and replies; what the answers mean is for the balancer.
 """
 
 import json
+import logging
 import secrets
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -23,6 +24,8 @@ from thinknav_proto import (
 from thinknav_trainer.planner.address import Address, Credentials
 from thinknav_trainer.planner.balancer import Balancer
 from thinknav_trainer.planner.link import Question, background, settle, settle_error
+
+logger = logging.getLogger(__name__)
 
 _KEYS: dict[Question, Callable[[str], str]] = {"subgoal": subgoal_key, "embed": embed_key, "info": info_key}
 
@@ -45,7 +48,14 @@ def zenoh_balancer(
         f"no replica of a planning service is alive at {where}; start one with: thinknav-server serve --zenoh "
         f"{address.places[0]}{_hint(address, credentials, tls_ca)}"
     )
-    balancer = Balancer(nobody=nobody, patience=patience, fixed=False, timeout=timeout, on_close=session.close)
+
+    def close() -> None:
+        try:
+            session.close()
+        except zenoh.ZError as error:  # whom it would say goodbye to is out of reach; the session is gone all the same
+            logger.warning("the zenoh session to %s did not close in good order: %s", where, error)
+
+    balancer = Balancer(nobody=nobody, patience=patience, fixed=False, timeout=timeout, on_close=close)
     client = secrets.token_hex(8)
 
     def changed(sample: zenoh.Sample) -> None:
