@@ -51,7 +51,7 @@ def zenoh_balancer(
 
     def close() -> None:
         try:
-            session.close()
+            session.close()  # type: ignore[no-untyped-call]
         except zenoh.ZError as error:  # whom it would say goodbye to is out of reach; the session is gone all the same
             logger.warning("the zenoh session to %s did not close in good order: %s", where, error)
 
