@@ -1,6 +1,6 @@
 """Admission: what a request may ask for, checked before anything in it is decoded.
 
-The length of a body is checked while it arrives, in `body_limit`; this module sees whole requests.
+The length of a body is checked while it arrives, in `intake`; this module sees whole requests.
 """
 
 from collections.abc import Sequence
