@@ -31,7 +31,13 @@ _FIRST_GATE_HOME = 900_000
 
 
 def train_and_describe(
-    output: Path, schooling: Schooling, scans: Sequence[Path], command: str, interruption: Interruption
+    output: Path,
+    schooling: Schooling,
+    scans: Sequence[Path],
+    command: str,
+    interruption: Interruption,
+    gate_homes: int = GATE_HOMES,
+    exam_homes: int = EXAM_HOMES,
 ) -> Path | None:
     """Teach, or go on teaching, write weights and card into a folder; the path of the weights, None if interrupted."""
     source: SceneSource = ScanSource(tuple(scans)) if scans else HomeSource("planner")
@@ -39,17 +45,17 @@ def train_and_describe(
     if interruption.requested:
         return None
     path = output / WEIGHTS_NAME
-    revision = save_pupil(pupil, path, scans)
-    exam, gate = examine(path, scans=scans), load_network(path).stop_gate
+    revision = save_pupil(pupil, path, scans, gate_homes)
+    exam, gate = examine(path, exam_homes, scans), load_network(path).stop_gate
     card = model_card(revision, path.stat().st_size, schooling, command, exam, gate)
     (output / CARD_NAME).write_text(card)
     return path
 
 
-def save_pupil(pupil: Pupil, path: Path, scans: Sequence[Path] = ()) -> str:
+def save_pupil(pupil: Pupil, path: Path, scans: Sequence[Path] = (), gate_homes: int = GATE_HOMES) -> str:
     """Set the gate on `stop`, and write the weights; their revision."""
     source: SceneSource = ScanSource(tuple(scans)) if scans else HomeSource("planner", _FIRST_GATE_HOME)
-    homes = range(len(scans) or GATE_HOMES)
+    homes = range(len(scans) or gate_homes)
     lessons = exam_lessons(homes, ANYWHERE, source) + exam_lessons(homes, UNDER_WAY, source)
     collate = Collator(pupil.vocabulary)
     marks = joined([mark(pupil.network, collate, lessons, several=several) for several in (False, True)])
