@@ -90,20 +90,27 @@ def shortest_path(grid: NavigationGrid, field: NDArray[np.float32], start: NDArr
 
 
 @njit(cache=True)
+def steepest_descent(field, row, col):  # type: ignore[no-untyped-def]
+    """The neighbour of a cell to which a field falls most steeply, as (row, col); the cell itself at a minimum."""
+    best_row, best_col, steepest = row, col, 0.0
+    for i in range(-1, 2):
+        for j in range(-1, 2):
+            r, c = row + i, col + j
+            if 0 <= r < field.shape[0] and 0 <= c < field.shape[1] and (i != 0 or j != 0):
+                slope = (field[row, col] - field[r, c]) / np.sqrt(i * i + j * j)
+                if slope > steepest:
+                    best_row, best_col, steepest = r, c, slope
+    return best_row, best_col
+
+
+@njit(cache=True)
 def _descend(field, row, col):  # type: ignore[no-untyped-def]
     trail = [(row, col)]
     while field[row, col] > 0:
-        best_row, best_col, steepest = row, col, 0.0
-        for i in range(-1, 2):
-            for j in range(-1, 2):
-                r, c = row + i, col + j
-                if 0 <= r < field.shape[0] and 0 <= c < field.shape[1] and (i != 0 or j != 0):
-                    slope = (field[row, col] - field[r, c]) / np.sqrt(i * i + j * j)
-                    if slope > steepest:
-                        best_row, best_col, steepest = r, c, slope
-        if steepest == 0.0:
+        below = steepest_descent(field, row, col)
+        if below == (row, col):
             break
-        row, col = best_row, best_col
+        row, col = below
         trail.append((row, col))
     return np.array(trail)
 

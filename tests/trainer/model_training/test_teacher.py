@@ -5,11 +5,9 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from thinknav_models.subgoal_language import Vocabulary
 from thinknav_models.subgoal_vlm import MAX_RECENT, MAX_SENTENCES
-from thinknav_sim.navigation.kinematics import walk
 from thinknav_sim.render import make_renderer
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.success import faces_goal, goal_bearings
@@ -17,7 +15,7 @@ from thinknav_sim.task_config import Action, ObjectNavConfig
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.model_training.frames import HomeSource
 from thinknav_trainer.model_training.lessons import GOALS_ASKED, Lesson, LessonStream, give_lesson
-from thinknav_trainer.model_training.routes import draw_looks, draw_poses
+from thinknav_trainer.model_training.routes import draw_looks, draw_poses, moved
 from thinknav_trainer.model_training.sentences import all_words
 from thinknav_trainer.model_training.subgoal_batch import mirrored
 from thinknav_trainer.model_training.subgoal_training import ROOMS, THINGS
@@ -39,15 +37,6 @@ def teacher() -> Iterator[HomeTeacher]:
 def lesson(teacher: HomeTeacher) -> Lesson:
     rng = np.random.default_rng(5)
     return give_lesson(teacher, rng, draw_looks(teacher, rng, 3, 3, 3))
-
-
-def moved(teacher: HomeTeacher, pose: NDArray[np.float64], action: Action) -> NDArray[np.float64]:
-    x, y, z, heading = pose
-    if action == Action.MOVE_FORWARD:
-        x, z, _ = walk(teacher.table, 0, x, z, heading, TASK.forward_step, False)
-    else:
-        heading += math.radians(TASK.turn_angle) * (1 if action == Action.TURN_LEFT else -1)
-    return np.array([x, y, z, heading])
 
 
 def test_who_does_what_the_teacher_says_finds_the_goal(teacher: HomeTeacher) -> None:

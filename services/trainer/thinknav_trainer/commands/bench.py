@@ -1,13 +1,14 @@
 """`thinknav bench`: how fast ThinkNav is on this machine. JSON lines go to stdout, a table for people to stderr."""
 
 import sys
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
-from thinknav_trainer.bench.figures import table
+from thinknav_trainer.bench.figures import Figure, table
 from thinknav_trainer.bench.simulator import simulator_figures
 from thinknav_trainer.bench.soak import ALLOWED_GROWTH, growth, soak
 
@@ -22,12 +23,7 @@ def measure_simulator(
     repeats: Annotated[int, typer.Option(min=1, help="of each measurement; the median counts")] = 7,
 ) -> None:
     """The simulator's frames per second beside its peers', and what a step costs besides drawing. A few minutes."""
-    figures = []
-    for figure in simulator_figures(peers, repeats):
-        sys.stdout.write(figure.line + "\n")
-        sys.stdout.flush()
-        figures.append(figure)
-    Console(stderr=True).print(table(figures))
+    _tell(simulator_figures(peers, repeats))
 
 
 @app.command("train")
@@ -38,12 +34,7 @@ def measure_training(
     """Steps per second of training, where the time goes, and what is left of it with a slow planner. A few minutes."""
     from thinknav_trainer.bench.training import training_figures
 
-    figures = []
-    for figure in training_figures(repeats, planner):
-        sys.stdout.write(figure.line + "\n")
-        sys.stdout.flush()
-        figures.append(figure)
-    Console(stderr=True).print(table(figures))
+    _tell(training_figures(repeats, planner))
 
 
 @app.command("soak")
@@ -63,3 +54,13 @@ def soak_simulator(
     flat = share <= ALLOWED_GROWTH
     console.print(f"resident memory {'is flat' if flat else 'GROWS'}: {share:+.1%} from middle to end")
     raise typer.Exit(0 if flat else 1)
+
+
+def _tell(measured: Iterable[Figure]) -> None:
+    """A line of JSON for each figure as soon as it is measured, and a table for people at the end."""
+    figures = []
+    for figure in measured:
+        sys.stdout.write(figure.line + "\n")
+        sys.stdout.flush()
+        figures.append(figure)
+    Console(stderr=True).print(table(figures))

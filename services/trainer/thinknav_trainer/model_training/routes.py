@@ -144,10 +144,11 @@ def _follow_route(teacher: HomeTeacher, rng: np.random.Generator, looks: LookLis
         if action == Action.STOP:
             goal = int(rng.choice(teacher.reachable))
             continue
-        pose = _moved(teacher, pose, action)
+        pose = moved(teacher, pose, action)
 
 
-def _moved(teacher: HomeTeacher, pose: NDArray[np.float64], action: Action) -> NDArray[np.float64]:
+def moved(teacher: HomeTeacher, pose: NDArray[np.float64], action: Action) -> NDArray[np.float64]:
+    """Where a pose (4,) is after a turn or a step forward, without sliding."""
     x, y, z, heading = pose
     if action != Action.MOVE_FORWARD:
         turn = math.radians(teacher.task.turn_angle)

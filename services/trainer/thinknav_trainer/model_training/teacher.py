@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from thinknav_sim.navigation import Goal, GridTable, NavigationGrid, find_goal
 from thinknav_sim.navigation.descent import turns_towards_goal
-from thinknav_sim.navigation.geodesic import bilinear
+from thinknav_sim.navigation.geodesic import bilinear, steepest_descent
 from thinknav_sim.navigation.kinematics import walk
 from thinknav_sim.objectnav import make_grid
 from thinknav_sim.render import Renderer
@@ -135,18 +135,11 @@ def _points_ahead(field, origin, cell, x, z, count, spacing):  # type: ignore[no
     row, col = int((z - origin[1]) // cell), int((x - origin[0]) // cell)
     walked, number = 0.0, 0
     while number < count:
-        best_row, best_col, steepest = row, col, 0.0
-        for i in range(-1, 2):
-            for j in range(-1, 2):
-                r, c = row + i, col + j
-                if 0 <= r < field.shape[0] and 0 <= c < field.shape[1] and (i != 0 or j != 0):
-                    slope = (field[row, col] - field[r, c]) / math.sqrt(i * i + j * j)
-                    if slope > steepest:
-                        best_row, best_col, steepest = r, c, slope
-        if steepest == 0.0:
+        below = steepest_descent(field, row, col)
+        if below == (row, col):
             break
-        walked += cell * math.sqrt((best_row - row) ** 2 + (best_col - col) ** 2)
-        row, col = best_row, best_col
+        walked += cell * math.sqrt((below[0] - row) ** 2 + (below[1] - col) ** 2)
+        row, col = below
         if walked >= spacing * (number + 1):
             points[number, 0], points[number, 1] = origin[0] + (col + 0.5) * cell, origin[1] + (row + 0.5) * cell
             number += 1
