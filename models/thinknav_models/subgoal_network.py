@@ -96,8 +96,11 @@ class ViewTrunk(nn.Module):
 
     def forward(self, views: Tensor) -> Tensor:
         """(B, 128, 128, 3) of 0 to 255 to (B, channels, 8, 8)."""
-        images = views.permute(0, 3, 1, 2).to(next(self.parameters()).dtype)
-        features: Tensor = self.layers((images / 255 - 0.5).contiguous(memory_format=torch.channels_last))
+        dtype = torch.get_autocast_dtype("cpu") if torch.is_autocast_enabled("cpu") else next(self.parameters()).dtype
+        images = views.permute(0, 3, 1, 2).to(
+            dtype
+        )  # exact in half precision too, as is what follows but for the scale
+        features: Tensor = self.layers(((images - 127.5) / 255).contiguous(memory_format=torch.channels_last))
         return features
 
 

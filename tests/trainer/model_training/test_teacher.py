@@ -1,5 +1,6 @@
 """The teacher knows the way: who does what it says arrives; its lessons say what they show."""
 
+import itertools
 import math
 from collections.abc import Iterator
 
@@ -14,7 +15,7 @@ from thinknav_sim.success import faces_goal, goal_bearings
 from thinknav_sim.task_config import Action, ObjectNavConfig
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.model_training.frames import HomeSource
-from thinknav_trainer.model_training.lessons import GOALS_ASKED, Lesson, LessonStream, give_lesson
+from thinknav_trainer.model_training.lessons import GOALS_ASKED, Lesson, LessonStream, give_lesson, home_of_visit
 from thinknav_trainer.model_training.routes import draw_looks, draw_poses, moved
 from thinknav_trainer.model_training.sentences import all_words
 from thinknav_trainer.model_training.subgoal_batch import mirrored
@@ -79,12 +80,11 @@ def test_points_ahead_lead_to_the_goal(teacher: HomeTeacher) -> None:
 
 def test_sentences_say_the_way_in_words_that_are_known(lesson: Lesson) -> None:
     vocabulary = Vocabulary(all_words(THINGS, ROOMS))
-    for actions, goals, sentences in zip(lesson.actions, lesson.goals, lesson.sentences, strict=True):
-        for action, goal, sentence in zip(actions, goals, sentences, strict=True):
-            assert subgoal_direction(sentence) == action
-            assert vocabulary.unknown not in vocabulary.encode(sentence), sentence
-            if action == Action.STOP:
-                assert GOAL_CATEGORIES[goal].replace("_", " ") in sentence
+    for action, goal, sentence in zip(lesson.actions[:, 0], lesson.goals[:, 0], lesson.sentences, strict=True):
+        assert subgoal_direction(sentence) == action
+        assert vocabulary.unknown not in vocabulary.encode(sentence), sentence
+        if action == Action.STOP:
+            assert GOAL_CATEGORIES[goal].replace("_", " ") in sentence
 
 
 def test_plans_end_by_stopping(lesson: Lesson) -> None:
@@ -124,7 +124,7 @@ def test_a_mirrored_lesson_is_that_of_the_mirrored_home(lesson: Lesson) -> None:
     swapped = {Action.TURN_LEFT: Action.TURN_RIGHT, Action.TURN_RIGHT: Action.TURN_LEFT}
     for row, actions in enumerate(lesson.actions):
         assert other.actions[row].tolist() == [swapped.get(action, action) for action in actions]
-        assert [subgoal_direction(text) for text in other.sentences[row]] == other.actions[row].tolist()
+        assert subgoal_direction(other.sentences[row]) == other.actions[row, 0]
     back = mirrored(other)
     assert back.sentences == lesson.sentences
     assert back.plans == lesson.plans
@@ -140,9 +140,14 @@ def test_goals_in_view_are_in_the_cells_too(lesson: Lesson) -> None:
 
 
 def test_a_stream_is_taken_up_anywhere() -> None:
-    whole = iter(LessonStream(4, SIZE, looks=(1, 1, 1)))
-    next(whole)
-    second = next(whole)
-    again = next(iter(LessonStream(4, SIZE, start=1, looks=(1, 1, 1))))
-    assert (again.pictures == second.pictures).all()
-    assert again.sentences == second.sentences
+    whole = list(itertools.islice(LessonStream(8, SIZE, looks=(1, 1, 1)), 6))
+    for start in (1, 3, 4):
+        again = next(iter(LessonStream(8, SIZE, start=start, looks=(1, 1, 1))))
+        assert (again.pictures == whole[start].pictures).all()
+        assert again.sentences == whole[start].sentences
+
+
+def test_two_homes_take_turns_and_each_visit_is_another() -> None:
+    assert [home_of_visit(number) for number in range(10)] == [0, 1, 0, 1, 2, 3, 2, 3, 4, 5]
+    first, _, again = itertools.islice(LessonStream(8, SIZE, looks=(1, 1, 1)), 3)
+    assert not np.array_equal(first.pictures[0], again.pictures[0])

@@ -6,7 +6,7 @@ again anywhere. Several processes may draw at once (`torch.utils.data.DataLoader
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,7 +26,8 @@ from thinknav_trainer.model_training.visible import SeenObject, objects_in_view
 
 _SPACING_M, _POINTS = 0.25, 20  # of the way ahead, to find where it leaves the room
 _PLANS = 8  # of a visit
-GOALS_ASKED = 3  # of each look
+GOALS_ASKED = 5  # of each look
+VISITS = 2  # to each home
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Lesson:
     views: (Q, 1 + K) and headings (Q, K), as `Looks` has them.
     goals: (Q, G) int64, first the one that is looked for, then others of the home.
     actions: (Q, G) int8, NO_WAY without one. bearings, distances: (Q, G) float32, of the way. in_view: (Q, G) bool.
-    sentences: Q lists of G, "" without a way. plans: (look, goal, sentences) of some.
+    sentences: Q, about the goal that is looked for, "" without a way. plans: (look, goal, sentences) of some.
     """
 
     pictures: NDArray[np.uint8]
@@ -50,12 +51,15 @@ class Lesson:
     bearings: NDArray[np.float32]
     distances: NDArray[np.float32]
     in_view: NDArray[np.bool_]
-    sentences: list[list[str]]
+    sentences: list[str]
     plans: list[tuple[int, int, list[str]]]
 
 
 class LessonStream(IterableDataset[Lesson]):
-    """Endless visits, from number `start` on, to the first `homes` scenes of a source in turn."""
+    """Endless visits, from number `start` on, to the first `homes` scenes of a source in turn.
+
+    Two homes at a time are visited `VISITS` times each, turn by turn: to know a home takes as long as a visit.
+    """
 
     def __init__(
         self,
@@ -73,12 +77,34 @@ class LessonStream(IterableDataset[Lesson]):
         number, step = (self.start, 1) if worker is None else (self.start + worker.id, worker.num_workers)
         task = ObjectNavConfig(width=self.size, height=self.size)
         renderer = make_renderer()
+        known: dict[int, HomeTeacher] = {}
         while True:
-            teacher = HomeTeacher(self.source.scene(number % self.homes), renderer, task)
+            home = home_of_visit(number) % self.homes
+            if home not in known:
+                if len(known) == 2:
+                    known.pop(next(iter(known))).close()
+                known[home] = HomeTeacher(self.source.scene(home), renderer, task)
             rng = np.random.default_rng([number, 20_11])
-            yield give_lesson(teacher, rng, draw_looks(teacher, rng, *self.looks))
-            teacher.close()
+            yield give_lesson(known[home], rng, draw_looks(known[home], rng, *self.looks))
             number += step
+
+
+def one_visit_each(
+    homes: Iterable[int], size: int, source: SceneSource, looks: tuple[int, int, int]
+) -> Iterator[Lesson]:
+    """A visit to each of some scenes of a source."""
+    task = ObjectNavConfig(width=size, height=size)
+    renderer = make_renderer()
+    for home in homes:
+        teacher = HomeTeacher(source.scene(home), renderer, task)
+        rng = np.random.default_rng([home, 20_11])
+        yield give_lesson(teacher, rng, draw_looks(teacher, rng, *looks))
+        teacher.close()
+
+
+def home_of_visit(number: int) -> int:
+    """0, 1, 0, 1, 2, 3, 2, 3, ...: which home a visit is to."""
+    return number // (2 * VISITS) * 2 + number % 2
 
 
 def give_lesson(teacher: HomeTeacher, rng: np.random.Generator, looks: Looks) -> Lesson:
@@ -108,8 +134,8 @@ def give_lesson(teacher: HomeTeacher, rng: np.random.Generator, looks: Looks) ->
             ]
         ),
         sentences=[
-            [_sentence(teacher, rng, pose, items, int(goal), int(action)) for goal, action in zip(*row, strict=True)]
-            for pose, items, *row in zip(present, seen, goals, ways.actions, strict=True)
+            _sentence(teacher, rng, pose, items, int(goal), int(action))
+            for pose, items, goal, action in zip(present, seen, looks.goals, ways.actions[:, 0], strict=True)
         ],
         plans=_plans(teacher, rng, present, looks.goals),
     )

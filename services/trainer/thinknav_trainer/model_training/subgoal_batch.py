@@ -14,6 +14,7 @@ from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
 from thinknav_trainer.model_training.lessons import Lesson
 from thinknav_trainer.model_training.sentences import words_for
+from thinknav_trainer.model_training.teacher import NO_WAY
 
 _MIRRORED = {Action.TURN_LEFT: Action.TURN_RIGHT, Action.TURN_RIGHT: Action.TURN_LEFT}
 
@@ -38,17 +39,20 @@ class Questions:
 class Batch:
     """Pictures (V, S, S, 3) uint8, questions about them, and what else the teacher knows.
 
-    shares: (V, 6, 8, 8) and farness: (V, 8, 8), of the pictures. The rest, of `subgoals` (B,):
-    directions: int64, the Action, which is also the index into DIRECTIONS; NO_WAY where there is none.
+    shares: (V, 6, 8, 8) and farness: (V, 8, 8), of the pictures.
+    directions: every goal of every look, answered by the direction alone. subgoals: whole sentences, about the goal
+    that is looked for. plans: of some looks. The rest is what is right, of `directions` (B,):
+    actions: int64, the Action, which is also the index into DIRECTIONS; NO_WAY where there is none.
     bearings, distances: float32. in_view: bool.
     """
 
     pictures: Tensor
     shares: Tensor
     farness: Tensor
+    directions: Questions
     subgoals: Questions
     plans: Questions
-    directions: Tensor
+    actions: Tensor
     bearings: Tensor
     distances: Tensor
     in_view: Tensor
@@ -65,13 +69,21 @@ class Collator:
         """One batch of several lessons."""
         offsets = np.cumsum([0] + [len(lesson.pictures) for lesson in lessons])
         views = [_shifted(lesson.views, offset) for lesson, offset in zip(lessons, offsets, strict=False)]
+        headings = [lesson.headings for lesson in lessons]
+        goals = np.concatenate([lesson.goals for lesson in lessons])
         actions = np.concatenate([lesson.actions for lesson in lessons])
-        sentences = [text for lesson in lessons for row in lesson.sentences for text in row]
+        directions = self.questions(
+            np.concatenate(views),
+            np.concatenate(headings),
+            goals,
+            [self._direction(action) for action in actions.ravel().tolist()],
+            "subgoal",
+        )
         subgoals = self.questions(
             np.concatenate(views),
-            np.concatenate([lesson.headings for lesson in lessons]),
-            np.concatenate([lesson.goals for lesson in lessons]),
-            [[text] for text in sentences],
+            np.concatenate(headings),
+            goals[:, :1],
+            [self._tokens([text]) for lesson in lessons for text in lesson.sentences],
             "subgoal",
         )
         plan_rows = [row for row, lesson in enumerate(lessons) for _ in lesson.plans]
@@ -80,16 +92,17 @@ class Collator:
             np.stack([views[row][look] for row, (look, _, _) in zip(plan_rows, plans, strict=True)]),
             np.stack([lessons[row].headings[look] for row, (look, _, _) in zip(plan_rows, plans, strict=True)]),
             np.array([[goal] for _, goal, _ in plans]),
-            [text for _, _, text in plans],
+            [self._tokens(text) for _, _, text in plans],
             "plan",
         )
         return Batch(
             pictures=torch.from_numpy(np.concatenate([lesson.pictures for lesson in lessons])),
             shares=torch.from_numpy(np.concatenate([lesson.shares for lesson in lessons])).permute(0, 3, 1, 2),
             farness=torch.from_numpy(np.concatenate([lesson.farness for lesson in lessons])),
+            directions=directions,
             subgoals=subgoals,
             plans=planned,
-            directions=torch.from_numpy(actions.astype(np.int64)).flatten(),
+            actions=torch.from_numpy(actions.astype(np.int64)).flatten(),
             bearings=torch.from_numpy(np.concatenate([lesson.bearings for lesson in lessons])).flatten(),
             distances=torch.from_numpy(np.concatenate([lesson.distances for lesson in lessons])).flatten(),
             in_view=torch.from_numpy(np.concatenate([lesson.in_view for lesson in lessons])).flatten(),
@@ -100,10 +113,10 @@ class Collator:
         views: NDArray[np.int64],
         headings: NDArray[np.float32],
         goals: NDArray[np.int64],
-        answers: Sequence[Sequence[str]],
+        answers: list[list[int]],
         mode: str,
     ) -> Questions:
-        """views: (N, 1 + K). headings: (N, K). goals: (N, G). answers: the sentences of each of the N x G."""
+        """views: (N, 1 + K). headings: (N, K). goals: (N, G). answers: the tokens of each of the N x G."""
         words = [self._goal_words[goal] for goal in goals.ravel().tolist()]
         return Questions(
             torch.from_numpy(views),
@@ -111,8 +124,12 @@ class Collator:
             torch.tensor([word for goal in words for word in goal]),
             torch.tensor([len(goal) for goal in words]),
             torch.full((goals.size,), MODES.index(mode)),
-            self._padded([self._tokens(sentences) for sentences in answers]),
+            self._padded(answers),
         )
+
+    def _direction(self, action: int) -> list[int]:
+        """The first token of an answer; none without a way."""
+        return [] if action == NO_WAY else [self.vocabulary.directions[action]]
 
     def _tokens(self, sentences: Sequence[str]) -> list[int]:
         """Of the sentences, joined; none of no sentence."""
@@ -140,7 +157,7 @@ def mirrored(lesson: Lesson) -> Lesson:
         headings=-lesson.headings,
         actions=actions,
         bearings=-lesson.bearings,
-        sentences=[[_mirrored_text(text) for text in row] for row in lesson.sentences],
+        sentences=[_mirrored_text(text) for text in lesson.sentences],
         plans=[(look, goal, [_mirrored_text(text) for text in texts]) for look, goal, texts in lesson.plans],
     )
 

@@ -16,9 +16,9 @@ from thinknav_models.subgoal_network import IMAGE_SIZE, SubgoalNetwork
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
 from thinknav_trainer.model_training.frames import HomeSource, SceneSource
-from thinknav_trainer.model_training.lessons import Lesson, LessonStream
+from thinknav_trainer.model_training.lessons import Lesson, one_visit_each
 from thinknav_trainer.model_training.subgoal_batch import Collator, without_earlier_views
-from thinknav_trainer.model_training.subgoal_losses import answer_hidden
+from thinknav_trainer.model_training.subgoal_losses import answer_hidden, remembered
 
 Control = Literal["none", "blank frame", "another frame", "another goal"]
 CONTROLS: tuple[Control, ...] = ("none", "blank frame", "another frame", "another goal")
@@ -63,8 +63,7 @@ class Exam:
 
 def exam_lessons(homes: range, looks: tuple[int, int, int], source: SceneSource = HomeSource("val")) -> list[Lesson]:
     """One visit to each of some homes."""
-    stream = iter(LessonStream(homes.stop, IMAGE_SIZE, homes.start, source, looks))
-    return [next(stream) for _ in homes]
+    return list(one_visit_each(homes, IMAGE_SIZE, source, looks))
 
 
 @torch.inference_mode()
@@ -78,7 +77,8 @@ def mark(
         if not several:
             asked = without_earlier_views(asked, np.ones(len(asked.views), np.bool_))
         batch = collate([asked])
-        hidden = answer_hidden(network, network.trunk(batch.pictures), batch.subgoals)
+        memory = remembered(network, network.trunk(batch.pictures), batch.directions)
+        hidden = answer_hidden(network, memory, batch.directions)
         logits = network.logits(hidden[:, 0])[:, list(collate.vocabulary.directions)]
         known = lesson.actions.ravel() >= 0
         chances = logits.softmax(dim=1).numpy()[known]

@@ -4,7 +4,7 @@ from torch import Tensor
 from torch.nn import functional
 
 from thinknav_models.subgoal_language import Vocabulary
-from thinknav_models.subgoal_network import SubgoalNetwork, way_targets
+from thinknav_models.subgoal_network import Memory, SubgoalNetwork, way_targets
 from thinknav_trainer.model_training.subgoal_batch import Batch, Questions
 from thinknav_trainer.model_training.teacher import NO_WAY
 from thinknav_trainer.precision import autocast
@@ -18,18 +18,18 @@ def batch_losses(network: SubgoalNetwork, batch: Batch, vocabulary: Vocabulary) 
     """The losses by name, already weighed; their sum is to be made small."""
     with autocast("auto"):
         features = network.trunk(batch.pictures)
-        hidden = answer_hidden(network, features, batch.subgoals)
-        logits = network.logits(hidden)
-        way = network.way(hidden[:, 0]).float()
         cells = network.surroundings(features).float()
-        plan_logits = network.logits(answer_hidden(network, features, batch.plans))
-    known = batch.directions != NO_WAY
-    answers = batch.subgoals.answers
+        memory = remembered(network, features, batch.directions)
+        hidden = answer_hidden(network, memory, batch.directions)[:, 0]
+        direction, way = network.logits(hidden), network.way(hidden).float()
+        words = network.logits(answer_hidden(network, memory, batch.subgoals))  # of the same looks
+        plan = network.logits(answer_hidden(network, remembered(network, features, batch.plans), batch.plans))
+    known = batch.actions != NO_WAY
     wanted_way = way_targets(batch.bearings[known], batch.distances[known], batch.in_view[known])
     losses = {
-        "direction": functional.cross_entropy(logits[known, 0], answers[known, 0]),
-        "words": _word_loss(logits[:, 1:], answers[:, 1:], vocabulary),
-        "plan": _word_loss(plan_logits, batch.plans.answers, vocabulary),
+        "direction": functional.cross_entropy(direction[known], batch.directions.answers[known, 0]),
+        "words": _word_loss(words[:, 1:], batch.subgoals.answers[:, 1:], vocabulary),
+        "plan": _word_loss(plan, batch.plans.answers, vocabulary),
         "way": functional.smooth_l1_loss(way[known], wanted_way),
         "goals": functional.binary_cross_entropy_with_logits(cells[:, 1:], batch.shares),
         "farness": functional.smooth_l1_loss(cells[:, 0], batch.farness),
@@ -37,9 +37,13 @@ def batch_losses(network: SubgoalNetwork, batch: Batch, vocabulary: Vocabulary) 
     return {name: _WEIGHTS.get(name, 1.0) * loss for name, loss in losses.items()}
 
 
-def answer_hidden(network: SubgoalNetwork, features: Tensor, questions: Questions) -> Tensor:
+def remembered(network: SubgoalNetwork, features: Tensor, questions: Questions) -> Memory:
+    """What the questions' looks show, of the features (V, C, 8, 8) of all views."""
+    return network.remember(features, questions.views, questions.headings)
+
+
+def answer_hidden(network: SubgoalNetwork, memory: Memory, questions: Questions) -> Tensor:
     """The decoder's states (B, L, width) from which each token of the answers (B, L) is to be guessed."""
-    memory = network.remember(features, questions.views, questions.headings)
     first = network.first_token(questions.goals, questions.goal_lengths, questions.modes)
     hidden, _ = network.decode(first, questions.answers[:, :-1], memory)
     return hidden
