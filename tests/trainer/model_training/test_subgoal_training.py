@@ -14,6 +14,7 @@ from thinknav_trainer.model_training.subgoal_batch import Collator, without_earl
 from thinknav_trainer.model_training.subgoal_evaluation import (
     Marks,
     accuracy_row,
+    beeline,
     calibration,
     gate_for_false_stops,
     joined,
@@ -60,8 +61,9 @@ def test_taken_up_again_it_ends_the_same(lessons: list[Lesson], tmp_path: Path) 
     with pytest.raises(KeyboardInterrupt):
         teach(SHORT, tmp_path / "parts", interrupted)
     parts = teach(SHORT, tmp_path / "parts", in_turn(lessons))
-    for one, other in zip(whole.network.state_dict().values(), parts.network.state_dict().values(), strict=True):
-        assert torch.equal(one, other)
+    one, other = (torch.cat([each.flatten() for each in pupil.network.parameters()]) for pupil in (whole, parts))
+    # The last bits of a matrix product may depend on where its memory lies; a lost momentum changes all by far more.
+    assert (one - other).abs().mean() < 1e-5
 
 
 def test_another_schooling_is_refused(lessons: list[Lesson], tmp_path: Path) -> None:
@@ -123,6 +125,13 @@ def test_marks_are_counted_right(marks: Marks) -> None:
     assert row["all, in view"] == pytest.approx(2 / 3)
     assert row["way, in view"] == pytest.approx(1 / 2)  # without `stop`, whatever is left is likeliest
     assert row["way, not in view"] == pytest.approx(1 / 2)
+
+
+def test_the_beeline_goes_where_the_goal_is_seen(marks: Marks) -> None:
+    sights = np.array([0.1, 0.5, -0.2, np.nan, np.nan, np.nan], np.float32)
+    chosen = beeline(marks, sights).chances.argmax(axis=1)
+    assert chosen.tolist()[:3] == [1, 2, 1]
+    assert (beeline(marks, sights).chances[3:] == majority(marks).chances[3:]).all()
 
 
 def test_stops_are_counted_right(marks: Marks) -> None:

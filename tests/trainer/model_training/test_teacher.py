@@ -130,12 +130,15 @@ def test_a_mirrored_lesson_is_that_of_the_mirrored_home(lesson: Lesson) -> None:
     assert back.plans == lesson.plans
     assert (back.headings == lesson.headings).all()
     assert (back.bearings == lesson.bearings).all()
+    assert np.array_equal(back.sights, lesson.sights, equal_nan=True)
+    assert np.array_equal(other.sights, -lesson.sights, equal_nan=True)
 
 
 def test_goals_in_view_are_in_the_cells_too(lesson: Lesson) -> None:
     present = lesson.shares[lesson.views[:, 0]].max(axis=(1, 2))
     shown = np.take_along_axis(present, lesson.goals, axis=1) > 0
     assert lesson.in_view.any()
+    assert (np.abs(lesson.sights[lesson.in_view]) < math.radians(40)).all()  # half the field of view
     assert (shown == lesson.in_view).mean() > 0.8  # cells are read off fewer rays, and smaller boxes hide nothing
 
 

@@ -37,7 +37,8 @@ class Lesson:
     pictures: (V, S, S, 3) uint8. shares: (V, 8, 8, 6) and farness: (V, 8, 8) float32, see `surroundings`.
     views: (Q, 1 + K) and headings (Q, K), as `Looks` has them.
     goals: (Q, G) int64, first the one that is looked for, then others of the home.
-    actions: (Q, G) int8, NO_WAY without one. bearings, distances: (Q, G) float32, of the way. in_view: (Q, G) bool.
+    actions: (Q, G) int8, NO_WAY without one. bearings, distances: (Q, G) float32, of the way.
+    sights: (Q, G) float32 radians, the bearing of the nearest such thing in view, NaN for none.
     sentences: Q, about the goal that is looked for, "" without a way. plans: (look, goal, sentences) of some.
     """
 
@@ -50,9 +51,14 @@ class Lesson:
     actions: NDArray[np.int8]
     bearings: NDArray[np.float32]
     distances: NDArray[np.float32]
-    in_view: NDArray[np.bool_]
+    sights: NDArray[np.float32]
     sentences: list[str]
     plans: list[tuple[int, int, list[str]]]
+
+    @property
+    def in_view(self) -> NDArray[np.bool_]:
+        """(Q, G): which goals the present view shows."""
+        return ~np.isnan(self.sights)
 
 
 class LessonStream(IterableDataset[Lesson]):
@@ -127,11 +133,9 @@ def give_lesson(teacher: HomeTeacher, rng: np.random.Generator, looks: Looks) ->
         actions=ways.actions,
         bearings=ways.bearings,
         distances=ways.distances,
-        in_view=np.array(
-            [
-                [any(item.category == GOAL_CATEGORIES[goal] for item in items) for goal in row]
-                for row, items in zip(goals, seen, strict=True)
-            ]
+        sights=np.array(
+            [[_sight(GOAL_CATEGORIES[goal], items) for goal in row] for row, items in zip(goals, seen, strict=True)],
+            np.float32,
         ),
         sentences=[
             _sentence(teacher, rng, pose, items, int(goal), int(action))
@@ -139,6 +143,11 @@ def give_lesson(teacher: HomeTeacher, rng: np.random.Generator, looks: Looks) ->
         ],
         plans=_plans(teacher, rng, present, looks.goals),
     )
+
+
+def _sight(category: str, seen: tuple[SeenObject, ...]) -> float:
+    """The bearing of the nearest of a category, NaN for none."""
+    return min(((item.distance, item.bearing) for item in seen if item.category == category), default=(0, math.nan))[1]
 
 
 def _with_others(teacher: HomeTeacher, rng: np.random.Generator, goals: NDArray[np.int64]) -> NDArray[np.int64]:

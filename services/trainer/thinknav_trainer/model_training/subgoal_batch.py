@@ -157,6 +157,7 @@ def mirrored(lesson: Lesson) -> Lesson:
         headings=-lesson.headings,
         actions=actions,
         bearings=-lesson.bearings,
+        sights=-lesson.sights,
         sentences=[_mirrored_text(text) for text in lesson.sentences],
         plans=[(look, goal, [_mirrored_text(text) for text in texts]) for look, goal, texts in lesson.plans],
     )

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from thinknav_trainer.model_training.lessons import GOALS_ASKED
+from thinknav_trainer.model_training.lessons import GOALS_ASKED, VISITS
 from thinknav_trainer.model_training.subgoal_evaluation import Exam, Marks, accuracy_row, calibration, stop_marks
 from thinknav_trainer.model_training.subgoal_training import Schooling
 
@@ -15,16 +15,18 @@ left toward the doorway"), with its confidence. The embedded planner of ThinkNav
 
 ## Taught
 
-{visits:,} visits to procedural homes of the planner-training seeds ({homes:,} of them at most, each another), some 110
-looks a visit, {goals} goals a look; half of the looks without earlier views. The teacher knows the map. The stop gate
-was set in other homes of these seeds.
+{visits:,} visits to {homes:,} procedural homes of the planner-training seeds, some 110 looks a visit, {goals} goals a
+look; half of the looks without earlier views. The teacher knows the map. The stop gate was set in other homes of these
+seeds.
 
     {command}
 
 ## Known, in validation homes never seen
 
 Share of directions that are right. *way*: left, right or forward, where the right answer is not `stop`. In view: the
-goal fills at least .3 % of the picture. Controls: what can be won without looking, or without being asked.
+goal fills at least .3 % of the picture. Controls: what can be won without looking, or without being asked. *Bearing
+known*: what going straight for a goal in view would get, for one who knows exactly where it is and nothing of what
+stands in between.
 
 At poses anywhere ({anywhere:,} questions):
 
@@ -61,7 +63,7 @@ def model_card(revision: str, size: int, schooling: Schooling, command: str, exa
         revision=revision,
         megabytes=size / 1e6,
         visits=schooling.visits,
-        homes=min(schooling.homes, schooling.visits),
+        homes=min(schooling.homes, schooling.visits // VISITS),
         goals=GOALS_ASKED,
         command=command,
         anywhere=len(exam.anywhere["either", "majority"].right),

@@ -4,6 +4,7 @@ Controls: the commonest answer; a blank frame; another home's frame; another goa
 too was not won by looking.
 """
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Literal
@@ -29,6 +30,7 @@ UNDER_WAY = (6, 6, 0)
 
 _BLANK = 128
 _BINS = 10
+_AHEAD_RAD = math.radians(15)  # the teacher's own limit between a turn and a step
 
 
 @dataclass(frozen=True)
@@ -94,7 +96,9 @@ def all_marks(network: SubgoalNetwork, collate: Collator, lessons: Sequence[Less
         for shown, several in (("one frame", False), ("several frames", True))
         for control in CONTROLS
     }
-    return marks | {("either", "majority"): majority(marks["one frame", "none"])}
+    answered = marks["one frame", "none"]
+    sights = np.concatenate([lesson.sights[lesson.actions >= 0] for lesson in lessons])
+    return marks | {("either", "majority"): majority(answered), ("either", "bearing known"): beeline(answered, sights)}
 
 
 def _controlled(lessons: Sequence[Lesson], control: Control) -> Iterator[Lesson]:
@@ -132,6 +136,19 @@ def majority(marks: Marks) -> Marks:
     for chosen in (marks.in_view, ~marks.in_view):
         counts = np.bincount(marks.right[chosen], minlength=chances.shape[1])
         chances[chosen] = counts / max(1, counts.sum())
+    return replace(marks, chances=chances)
+
+
+def beeline(marks: Marks, sights: NDArray[np.float32]) -> Marks:
+    """What going straight for a goal in view would get, by its true bearing (B,), NaN where it is not in view.
+
+    It bounds what can be won by finding the goal in the frame alone; more takes knowing how to get around what is
+    between. Out of view it is the majority's.
+    """
+    chances, shown = majority(marks).chances, ~np.isnan(sights)
+    side = np.where(sights > 0, Action.TURN_LEFT, Action.TURN_RIGHT)
+    chosen = np.where(np.abs(sights) <= _AHEAD_RAD, Action.MOVE_FORWARD, side)
+    chances[shown] = np.eye(chances.shape[1], dtype=np.float32)[chosen[shown]]
     return replace(marks, chances=chances)
 
 
