@@ -149,6 +149,25 @@ def test_turning_on_the_spot_is_no_bump(drive: Drive) -> None:
         assert drive.told("turn left") == LEFT
 
 
+def test_told_to_turn_back_it_goes_between(drive: Drive) -> None:
+    assert [drive.told("turn left"), drive.told("turn right")] == [LEFT, FORWARD]
+    drive.walks()
+    assert drive.told("turn right") == RIGHT  # since a step forward, nothing has been turned to
+    drive = Drive(ObedientAgent(1, Obedience(turns=3, forwards=2)))
+    assert [drive.told("turn right"), drive.act(), drive.act()] == [RIGHT] * 3
+    assert [drive.told("turn left"), drive.act()] == [LEFT, FORWARD]
+    drive.walks()
+    assert drive.act() == FORWARD
+
+
+def test_having_turned_all_around_it_goes_on() -> None:
+    drive = Drive(ObedientAgent(1, Obedience(turns=4)))
+    for _ in range(9):
+        assert drive.told("turn left") == LEFT
+        assert [drive.act() for _ in range(3)] == [LEFT] * 3
+    assert drive.told("turn left") == FORWARD
+
+
 def test_each_env_has_its_own_episode() -> None:
     agent = ObedientAgent(2, Obedience(turns=2))
     observations: Observations = {"gps": np.zeros((2, 2), np.float32)}

@@ -20,6 +20,7 @@ from thinknav_trainer.thoughts import Thought
 BLOCKED_M = 0.05
 # Turns away from what blocks: what a planner says 30 degrees on is nearly independent.
 TURNS_AWAY = 3
+TURN_DEGREES = 10
 
 
 @dataclass(frozen=True)
@@ -48,6 +49,7 @@ class _State:
     side: the way to turn from what blocks. look: the way to turn for the next look at what may be the goal.
     plan: actions to take before the next thought. stops: replies in a row that said stop, and were believed.
     place: gps (2,) before the last step forward, none after anything else.
+    turned: the turn that it was told since it last stepped forward, none before; and how many times.
     """
 
     side: Action
@@ -55,13 +57,17 @@ class _State:
     plan: deque[Action] = field(default_factory=deque)
     stops: int = 0
     place: NDArray[np.float32] | None = None
+    turned: Action | None = None
+    times_turned: int = 0
 
 
 class ObedientAgent:
     """Thinks and obeys, in N envs.
 
-    A subgoal without a direction, a failed think and a `stop` that is not believed all lead forward. From what it bumps
-    into it turns away and takes a step, before it thinks again; the side is drawn anew once a step was free.
+    A subgoal without a direction, a failed think and a `stop` that is not believed all lead forward. So does being told
+    to turn back from where it has just been told to turn: the way is between, and who obeyed would swing until time runs
+    out; and so does having turned all around. From what it bumps into it turns away and takes a step, before it thinks
+    again; the side is drawn anew once a step was free.
     """
 
     def __init__(self, num_envs: int, obedience: Obedience = Obedience(), seed: int = 0) -> None:
@@ -89,10 +95,20 @@ class ObedientAgent:
         if state.stops:  # what was seen is out of view now: next time, look from the other side
             state.stops = 0
             state.look = opposite(state.look)
-        if direction in (Action.TURN_LEFT, Action.TURN_RIGHT):
+        if direction in (Action.TURN_LEFT, Action.TURN_RIGHT) and not self._swings(state, direction):
+            state.turned, state.times_turned = direction, state.times_turned + 1
             state.plan.extend([direction] * self._obedience.turns)
         else:
+            if state.turned is not None and direction == opposite(state.turned):
+                state.plan.extend([direction] * (self._obedience.turns // 2))
+            state.turned, state.times_turned = None, 0
             state.plan.extend([Action.MOVE_FORWARD] * self._obedience.forwards)
+
+    def _swings(self, state: _State, turn: Action) -> bool:
+        """Whether a turn would undo the one before, or close a circle, without a step forward since."""
+        if state.turned is None:
+            return False
+        return turn != state.turned or state.times_turned * self._obedience.turns * TURN_DEGREES >= 360
 
     def _next(self, state: _State, gps: NDArray[np.float32]) -> Action:
         if state.place is not None:
