@@ -65,9 +65,9 @@ class ObedientAgent:
     """Thinks and obeys, in N envs.
 
     A subgoal without a direction, a failed think and a `stop` that is not believed all lead forward. So does being told
-    to turn back from where it has just been told to turn: the way is between, and who obeyed would swing until time runs
-    out. So does having turned all around. From what it bumps into it turns away and takes a step, before it thinks again;
-    the side is drawn anew once a step was free.
+    to turn back from where it has just been told to turn: the way is between, and who obeyed would swing until time
+    runs out. So does having turned all around. From what it bumps into it turns away and takes a step, before it thinks
+    again; the side is drawn anew once a step was free.
     """
 
     def __init__(self, num_envs: int, obedience: Obedience = Obedience(), seed: int = 0) -> None:
