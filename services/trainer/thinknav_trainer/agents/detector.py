@@ -1,4 +1,4 @@
-"""Privileged: an object detector that never errs. It tells which pixels show the goal, and nothing of what they hide."""
+"""Privileged: an object detector that never errs. It tells which pixels show the goal, and nothing else."""
 
 import numpy as np
 from numpy.typing import NDArray

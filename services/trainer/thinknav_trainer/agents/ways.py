@@ -55,7 +55,7 @@ class Floor:
         walkable[self.part] = clear & (self._state == FREE)
         walkable[known.near(pose, _FOOTHOLD_M)] = True
         row, col = known.cells(pose[[0, 2]])
-        labels, _ = ndimage.label(walkable[self.part], _AROUND)
+        labels, _ = ndimage.label(walkable[self.part])  # no way leads between cells that touch at a corner alone
         self.reachable: NDArray[np.bool_] = labels == labels[row - self.part[0].start, col - self.part[1].start]
 
     def before(self, goal: NDArray[np.bool_], reach: float) -> NDArray[np.bool_]:
