@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tests.trainer.model_training.test_visible import CAMERA, room_with, wall
+from tests.trainer.test_visible import CAMERA, room_with, wall
 from thinknav_sim.scene import Room
 from thinknav_trainer.model_training.scenery import Scenery, Sight, Way, reach_of, room_at, scenery, side_of
 

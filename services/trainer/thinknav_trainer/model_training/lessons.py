@@ -22,7 +22,7 @@ from thinknav_trainer.model_training.routes import Looks, draw_looks
 from thinknav_trainer.model_training.sentences import Passage, subgoal_sentence
 from thinknav_trainer.model_training.surroundings import surroundings
 from thinknav_trainer.model_training.teacher import NO_WAY, HomeTeacher
-from thinknav_trainer.model_training.visible import SeenObject, objects_in_view
+from thinknav_trainer.visible import SeenObject, objects_in_view
 
 _SPACING_M, _POINTS = 0.25, 20  # of the way ahead, to find where it leaves the room
 _PLANS = 8  # of a visit

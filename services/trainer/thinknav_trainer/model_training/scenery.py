@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from thinknav_sim.render import Camera
 from thinknav_sim.scene import Scene
-from thinknav_trainer.model_training.visible import FramePoints, SeenObject, frame_points, objects_at
+from thinknav_trainer.visible import FramePoints, SeenObject, frame_points, objects_at
 
 Side = Literal["left", "ahead", "right"]
 Reach = Literal["near", "middle", "far"]

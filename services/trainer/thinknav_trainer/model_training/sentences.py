@@ -13,7 +13,7 @@ import numpy as np
 from thinknav_models.subgoal_language import DIRECTIONS, words_of
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
-from thinknav_trainer.model_training.visible import SeenObject
+from thinknav_trainer.visible import SeenObject
 
 # By Action.
 _DIRECTION_WORDS = dict(

@@ -72,7 +72,7 @@ def objects_at(scene: Scene, frames: Sequence[FramePoints], least_share: float) 
     """The objects that frames show, of which the points are known; see `objects_in_view`."""
     if not scene.objects:
         return [()] * len(frames)
-    boxes = _Boxes(scene)
+    boxes = ObjectBoxes(scene)
     return [_summary(scene, frame, boxes.owners(frame.points), least_share) for frame in frames]
 
 
@@ -83,7 +83,7 @@ def frame_points(poses: NDArray[np.float64], depth: NDArray[np.float32], camera:
             f"depth of {len(poses)} poses and this camera must have shape "
             f"{(len(poses), camera.height, camera.width)}, not {depth.shape}"
         )
-    (rows, columns), leftward, upward = _rays(camera)
+    (rows, columns), leftward, upward = camera_rays(camera, RAYS)
     frames = []
     for (x, y, z, heading), image in zip(poses.tolist(), depth[:, rows, columns], strict=True):
         there = image != NOTHING_DEPTH
@@ -96,11 +96,14 @@ def frame_points(poses: NDArray[np.float64], depth: NDArray[np.float32], camera:
     return frames
 
 
-def _rays(
-    camera: Camera,
+def camera_rays(
+    camera: Camera, rays: int
 ) -> tuple[tuple[NDArray[np.int64], NDArray[np.int64]], NDArray[np.float32], NDArray[np.float32]]:
-    """Pixels (rows, columns), spread evenly, and how far each looks to the left and up at depth 1."""
-    height, width = min(RAYS, camera.height), min(RAYS, camera.width)
+    """Pixels (rows, columns), spread evenly, and how far each looks to the left and up at depth 1; row by row.
+
+    rays: along each side of the picture, as far as it has so many pixels.
+    """
+    height, width = min(rays, camera.height), min(rays, camera.width)
     row = ((np.arange(height) + 0.5) * camera.height / height).astype(np.int64)
     column = ((np.arange(width) + 0.5) * camera.width / width).astype(np.int64)
     rows, columns = (axis.ravel() for axis in np.meshgrid(row, column, indexing="ij"))
@@ -109,8 +112,11 @@ def _rays(
     return (rows, columns), left.astype(np.float32), up.astype(np.float32)
 
 
-class _Boxes:
-    """The boxes of a scene's objects, the smallest first: a vase on a table lies in both their boxes."""
+class ObjectBoxes:
+    """The boxes of a scene's objects, the smallest first: a vase on a table lies in both their boxes.
+
+    A scene without objects has none.
+    """
 
     def __init__(self, scene: Scene) -> None:
         low = np.stack([instance.box.low for instance in scene.objects])

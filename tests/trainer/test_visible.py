@@ -11,7 +11,7 @@ from thinknav_sim.objectnav import make_grid
 from thinknav_sim.render import Camera, Renderer, make_renderer
 from thinknav_sim.scene import Box, ObjectInstance, Scene
 from thinknav_sim.task_config import ObjectNavConfig
-from thinknav_trainer.model_training.visible import objects_in_view
+from thinknav_trainer.visible import objects_in_view
 
 CAMERA = Camera(64, 64)
 
