@@ -6,9 +6,8 @@ from numpy.typing import NDArray
 
 from thinknav_proto import EMBEDDING_DIMENSION, PlannerFailed, SubgoalReply, Timings
 from thinknav_sim.observations import Observations
-from thinknav_sim.task_config import Action
+from thinknav_sim.task_config import Action, ObjectNavConfig
 from thinknav_trainer.agents import Obedience, ObedientAgent
-from thinknav_trainer.agents.obedient import TURNS_AWAY
 from thinknav_trainer.thoughts import Thought
 
 STOP, FORWARD, LEFT, RIGHT, THINK = Action
@@ -29,16 +28,29 @@ def thought(subgoal: str | None, confidence: float | None = None, env: int = 0) 
     return Thought(env, "chair", reply)
 
 
-class Drive:
-    """One agent in a world of which it feels its place alone."""
+CONFIG = ObjectNavConfig(width=16, height=16)
 
-    def __init__(self, agent: ObedientAgent) -> None:
-        self.agent = agent
-        self.gps = np.zeros((1, 2), np.float32)
+
+def nothing_near(envs: int) -> Observations:
+    """What agents sense who stand where they started in an empty world."""
+    return {
+        "gps": np.zeros((envs, 2), np.float32),
+        "compass": np.zeros((envs, 1), np.float32),
+        "depth": np.ones((envs, CONFIG.height, CONFIG.width, 1), np.float32),
+    }
+
+
+class Drive:
+    """One agent in a world that is empty to the eye; whether a step forward is free, the test says."""
+
+    def __init__(self, obedience: Obedience = Obedience(turns=1, forwards=1)) -> None:
+        self.agent = ObedientAgent(1, CONFIG, obedience)
+        self.senses = nothing_near(1)
 
     def act(self, *said: Thought) -> Action:
-        observations: Observations = {"gps": self.gps.copy()}
-        (action,) = self.agent.actions(observations, said)
+        (action,) = self.agent.actions({name: value.copy() for name, value in self.senses.items()}, said)
+        if action in (LEFT, RIGHT):
+            self.senses["compass"] += np.radians(10 if action == LEFT else -10).astype(np.float32)
         return Action(action)
 
     def told(self, subgoal: str | None, confidence: float | None = None) -> Action:
@@ -48,12 +60,13 @@ class Drive:
 
     def walks(self) -> None:
         """The step forward was free."""
-        self.gps += 0.25
+        heading = self.senses["compass"][0, 0]
+        self.senses["gps"] += np.array([0.25 * np.cos(heading), -0.25 * np.sin(heading)], np.float32)
 
 
 @pytest.fixture
 def drive() -> Drive:
-    return Drive(ObedientAgent(1))
+    return Drive()
 
 
 @pytest.mark.parametrize(
@@ -73,7 +86,7 @@ def test_it_does_what_it_is_told_and_thinks_again(drive: Drive, subgoal: str | N
 
 
 def test_one_word_may_stand_for_several_steps() -> None:
-    drive = Drive(ObedientAgent(1, Obedience(turns=3, forwards=2)))
+    drive = Drive(Obedience(turns=3, forwards=2))
     assert [drive.told("turn right"), drive.act(), drive.act(), drive.act()] == [RIGHT, RIGHT, RIGHT, THINK]
     assert drive.act(thought("move forward", env=0)) == FORWARD
     drive.walks()
@@ -106,42 +119,51 @@ def test_a_planner_without_confidence_is_believed(drive: Drive) -> None:
 
 
 def test_one_look_stops_at_once_and_three_look_to_both_sides() -> None:
-    assert Drive(ObedientAgent(1, Obedience(looks=1))).told("stop", 0.8) == STOP
-    drive = Drive(ObedientAgent(1, Obedience(looks=3)))
+    assert Drive(Obedience(1, 1, looks=1)).told("stop", 0.8) == STOP
+    drive = Drive(Obedience(1, 1, looks=3))
     assert [drive.told("stop", 1.0) for _ in range(3)] == [LEFT, RIGHT, STOP]
 
 
-def test_bumping_turns_it_away_to_the_same_side_until_a_step_is_free(drive: Drive) -> None:
+def test_what_it_bumps_into_it_goes_around(drive: Drive) -> None:
     assert drive.told("move forward") == FORWARD
-    sides = set()
-    for _ in range(4):
-        turns = [drive.act() for _ in range(TURNS_AWAY)]
-        sides |= set(turns)
-        assert drive.act() == FORWARD
-    assert sides in ({LEFT}, {RIGHT})
+    for _ in range(3):  # nothing ahead is to be seen, but the step was not free
+        turns = []
+        while (action := drive.act()) != FORWARD:
+            turns.append(action)
+        assert 3 <= len(turns) <= 9
+        assert len(set(turns)) == 1
     drive.walks()
     assert drive.act() == THINK
-
-
-def test_it_turns_away_to_either_side(drive: Drive) -> None:
-    sides = []
-    for _ in range(30):
-        drive.told("move forward")
-        turns = [drive.act() for _ in range(TURNS_AWAY)]
-        sides.append(turns[0])
-        drive.act()
-        drive.walks()
-    assert set(sides) == {LEFT, RIGHT}
 
 
 def test_a_bump_ends_what_it_was_about_to_do() -> None:
-    drive = Drive(ObedientAgent(1, Obedience(forwards=4)))
+    drive = Drive(Obedience(1, 4))
     assert drive.told("move forward") == FORWARD
-    for _ in range(TURNS_AWAY):
-        assert drive.act() in (LEFT, RIGHT)
-    assert drive.act() == FORWARD
+    while drive.act() != FORWARD:
+        pass
     drive.walks()
     assert drive.act() == THINK
+
+
+def wall_ahead(metres: float) -> NDArray[np.float32]:
+    """Depth (1, H, W, 1) of a wall across the whole picture."""
+    read = (metres - CONFIG.min_depth) / (CONFIG.max_depth - CONFIG.min_depth)
+    return np.full((1, CONFIG.height, CONFIG.width, 1), read, np.float32)
+
+
+def test_a_wall_that_it_sees_it_does_not_walk_into(drive: Drive) -> None:
+    drive.senses["depth"] = wall_ahead(0.6)
+    assert drive.act() == THINK
+    drive.senses["depth"] = np.ones_like(drive.senses["depth"])
+    drive.senses["gps"] += np.array([0.25, 0.0], np.float32)  # so it is 35 cm away now, nearer than the sensor reads
+    assert drive.act(thought("move forward")) in (LEFT, RIGHT)
+
+
+def test_where_no_way_is_free_it_turns_and_asks(drive: Drive) -> None:
+    actions = [drive.told("move forward")]
+    while len(actions) < 200 and actions[-3:] != [LEFT, LEFT, THINK]:
+        actions.append(drive.act())  # every step bumps
+    assert actions[-4:] == [LEFT, LEFT, LEFT, THINK]
 
 
 def test_turning_on_the_spot_is_no_bump(drive: Drive) -> None:
@@ -153,7 +175,7 @@ def test_told_to_turn_back_it_goes_between(drive: Drive) -> None:
     assert [drive.told("turn left"), drive.told("turn right")] == [LEFT, FORWARD]
     drive.walks()
     assert drive.told("turn right") == RIGHT  # since a step forward, nothing has been turned to
-    drive = Drive(ObedientAgent(1, Obedience(turns=3, forwards=2)))
+    drive = Drive(Obedience(turns=3, forwards=2))
     assert [drive.told("turn right"), drive.act(), drive.act()] == [RIGHT] * 3
     assert [drive.told("turn left"), drive.act()] == [LEFT, FORWARD]
     drive.walks()
@@ -161,7 +183,7 @@ def test_told_to_turn_back_it_goes_between(drive: Drive) -> None:
 
 
 def test_having_turned_all_around_it_goes_on() -> None:
-    drive = Drive(ObedientAgent(1, Obedience(turns=4)))
+    drive = Drive(Obedience(turns=4))
     for _ in range(9):
         assert drive.told("turn left") == LEFT
         assert [drive.act() for _ in range(3)] == [LEFT] * 3
@@ -169,8 +191,8 @@ def test_having_turned_all_around_it_goes_on() -> None:
 
 
 def test_each_env_has_its_own_episode() -> None:
-    agent = ObedientAgent(2, Obedience(turns=2))
-    observations: Observations = {"gps": np.zeros((2, 2), np.float32)}
+    agent = ObedientAgent(2, CONFIG, Obedience(turns=2))
+    observations = nothing_near(2)
 
     def act(*said: Thought) -> list[int]:
         actions: NDArray[np.int64] = agent.actions(observations, said)

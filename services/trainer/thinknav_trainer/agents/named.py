@@ -30,7 +30,7 @@ def obedient(obedience: Obedience) -> NamedAgent:
     """The planner-only agent, which obeys in this manner."""
     return NamedAgent(
         "thinks, obeys, thinks again",
-        lambda env, seed: ObedientAgent(env.num_envs, obedience, seed),
+        lambda env, seed: ObedientAgent(env.num_envs, env.env.config, obedience),  # noqa: ARG005
         thinks=True,
     )
 

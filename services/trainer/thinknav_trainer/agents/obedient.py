@@ -12,13 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thinknav_sim.observations import Observations
-from thinknav_sim.task_config import Action
+from thinknav_sim.task_config import Action, ObjectNavConfig
+from thinknav_trainer.agents.free_heading import FreeHeading
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.thoughts import Thought
 
 # Who came no farther than this by a step forward stands before something. Contact leaves up to 1 cm to walk.
 BLOCKED_M = 0.05
-# Turns away from what blocks: what a planner says 30 degrees on is nearly independent.
+# Turns away from what blocks, where no way is free.
 TURNS_AWAY = 3
 TURN_DEGREES = 10
 
@@ -32,8 +33,8 @@ class Obedience:
     looks: how many replies in a row must say so, each from 10 degrees farther on, before the agent stops.
     """
 
-    turns: int = 1
-    forwards: int = 1
+    turns: int = 3
+    forwards: int = 2
     stop_gate: float = 0.8
     looks: int = 2
 
@@ -46,13 +47,13 @@ class Obedience:
 class _State:
     """One env's episode so far.
 
-    side: the way to turn from what blocks. look: the way to turn for the next look at what may be the goal.
+    free: which way it can walk. look: the way to turn for the next look at what may be the goal.
     plan: actions to take before the next thought. stops: replies in a row that said stop, and were believed.
     place: gps (2,) before the last step forward, none after anything else.
     turned: the turn that it was told since it last stepped forward, none before; and how many times.
     """
 
-    side: Action
+    free: FreeHeading
     look: Action = Action.TURN_LEFT
     plan: deque[Action] = field(default_factory=deque)
     stops: int = 0
@@ -66,24 +67,25 @@ class ObedientAgent:
 
     A subgoal without a direction, a failed think and a `stop` that is not believed all lead forward. So does being told
     to turn back from where it has just been told to turn: the way is between, and who obeyed would swing until time
-    runs out. So does having turned all around. From what it bumps into it turns away and takes a step, before it thinks
-    again; the side is drawn anew once a step was free.
+    runs out. So does having turned all around. Where its depth shows something in the way, or it bumps into what the
+    camera does not see, it takes the step along the nearest heading that is free, and thinks again.
     """
 
-    def __init__(self, num_envs: int, obedience: Obedience = Obedience(), seed: int = 0) -> None:
-        self._obedience = obedience
-        self._rng = np.random.default_rng(seed)
-        self._states = [_State(self._draw_side()) for _ in range(num_envs)]
+    def __init__(self, num_envs: int, config: ObjectNavConfig, obedience: Obedience = Obedience()) -> None:
+        self._config, self._obedience = config, obedience
+        self._states = [_State(FreeHeading(config)) for _ in range(num_envs)]
 
     def actions(self, observations: Observations, thoughts: Sequence[Thought]) -> NDArray[np.int64]:
+        gps, depth, compass = observations["gps"], observations["depth"], observations["compass"][:, 0].tolist()
+        for env, state in enumerate(self._states):
+            state.free.see(depth[env], gps[env], compass[env])
         for thought in thoughts:
             self._obey(self._states[thought.env], thought)
-        gps = observations["gps"]
         return np.array([self._next(state, gps[env]) for env, state in enumerate(self._states)], np.int64)
 
     def ended(self, done: NDArray[np.bool_]) -> None:
         for env in np.flatnonzero(done):
-            self._states[env] = _State(self._draw_side())
+            self._states[env] = _State(FreeHeading(self._config))
 
     def _obey(self, state: _State, thought: Thought) -> None:
         direction = None if thought.subgoal is None else subgoal_direction(thought.subgoal)
@@ -111,23 +113,31 @@ class ObedientAgent:
         return turn != state.turned or state.times_turned * self._obedience.turns * TURN_DEGREES >= 360
 
     def _next(self, state: _State, gps: NDArray[np.float32]) -> Action:
-        if state.place is not None:
-            if float(np.linalg.norm(gps - state.place)) < BLOCKED_M:
-                # And a step aside: who only turned would be sent back to the same place by the same frames.
-                state.plan = deque([*[state.side] * TURNS_AWAY, Action.MOVE_FORWARD])
-            else:
-                state.side = self._draw_side()
+        if state.place is not None and float(np.linalg.norm(gps - state.place)) < BLOCKED_M:
+            state.free.bump()
+            state.plan = deque([Action.MOVE_FORWARD])
         action = state.plan.popleft() if state.plan else Action.THINK
+        if action == Action.MOVE_FORWARD:
+            action = self._around(state)
         state.place = gps.copy() if action == Action.MOVE_FORWARD else None
         return action
+
+    def _around(self, state: _State) -> Action:
+        """A step forward, or the first turn to where one is free, the rest of them and the step being planned."""
+        turns = state.free.turns()
+        if turns == 0:
+            return Action.MOVE_FORWARD
+        if turns is None:
+            state.plan = deque([Action.TURN_LEFT] * (TURNS_AWAY - 1))
+            return Action.TURN_LEFT
+        turn = Action.TURN_LEFT if turns > 0 else Action.TURN_RIGHT
+        state.plan = deque([*[turn] * (abs(turns) - 1), Action.MOVE_FORWARD])
+        return turn
 
     def _look_again(self, state: _State) -> Action:
         """A second look is of use only from elsewhere, since errors repeat on the same frame; a third, from the other
         side."""
         return state.look if state.stops % 2 else opposite(state.look)
-
-    def _draw_side(self) -> Action:
-        return Action.TURN_LEFT if self._rng.random() < 0.5 else Action.TURN_RIGHT
 
 
 def opposite(turn: Action) -> Action:
