@@ -6,9 +6,10 @@ Runs in a peer's process. What it observes besides is the previous action, which
 import json
 import sys
 import time
-from collections.abc import Callable, Mapping
-from contextlib import nullcontext, redirect_stdout
-from dataclasses import replace
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, nullcontext, redirect_stdout
+from dataclasses import dataclass, replace
+from typing import TextIO
 
 import numpy as np
 import torch
@@ -97,11 +98,21 @@ def set_priors(actor: nn.Linear, config: TrainConfig) -> None:
             actor.bias[Action.THINK] = config.network.think_bias
 
 
-def serve(make_learner: Callable[[TrainConfig, PlannerClient | None], Callable[[], None]]) -> None:
+@dataclass(frozen=True)
+class Orders:
+    """What a peer that trains was told. updates: one for each time that it is to collect and learn, as they come."""
+
+    config: TrainConfig
+    planner: PlannerClient | None
+    updates: Iterator[None]
+
+
+@contextmanager
+def orders() -> Iterator[Orders]:
     """Be a peer that trains. argv: a configuration as JSON, and the URL of a planning service where it thinks.
 
-    make_learner: of a function that collects once and learns from it. Each line of stdin is a number of those; the
-    answer has the steps and the seconds that they took.
+    The first update asked for says that the learner is made. Each line of stdin is a number of updates; after them the
+    answer has the steps and the seconds that they took. Nothing else gets to stdout.
     """
     config = parse_config(json.loads(sys.argv[1]))
     if config.threads:
@@ -109,13 +120,15 @@ def serve(make_learner: Callable[[TrainConfig, PlannerClient | None], Callable[[
         set_render_threads(config.threads)
     answers = sys.stdout
     with redirect_stdout(sys.stderr), connect(sys.argv[2]) if sys.argv[2:] else nullcontext() as planner:
-        learn = make_learner(config, planner)
-        answers.write("ready\n")
+        yield Orders(config, planner, _updates(config.steps_per_update, answers))
+
+
+def _updates(steps: int, answers: TextIO) -> Iterator[None]:
+    answers.write("ready\n")
+    answers.flush()
+    for line in sys.stdin:
+        start, count = time.perf_counter(), int(line)
+        for _ in range(count):
+            yield
+        answers.write(json.dumps({"steps": count * steps, "seconds": time.perf_counter() - start}) + "\n")
         answers.flush()
-        for line in sys.stdin:
-            start, count = time.perf_counter(), int(line)
-            for _ in range(count):
-                learn()
-            taken = {"steps": count * config.steps_per_update, "seconds": time.perf_counter() - start}
-            answers.write(json.dumps(taken) + "\n")
-            answers.flush()

@@ -12,7 +12,7 @@ from stable_baselines3.common.vec_env import VecEnv
 from torch import Tensor
 
 from thinknav_sim.observations import Observations
-from thinknav_trainer.bench.lock_step import LockStepEnv, Senses, serve, set_priors
+from thinknav_trainer.bench.lock_step import LockStepEnv, Senses, orders, set_priors
 from thinknav_trainer.config import TrainConfig
 from thinknav_trainer.planner import PlannerClient
 
@@ -112,5 +112,12 @@ def make_learner(config: TrainConfig, planner: PlannerClient | None) -> Callable
     return lambda: model.learn(config.steps_per_update, log_interval=None, reset_num_timesteps=False)
 
 
+def main() -> None:
+    with orders() as told:
+        learn = make_learner(told.config, told.planner)
+        for _ in told.updates:
+            learn()
+
+
 if __name__ == "__main__":
-    serve(make_learner)
+    main()
