@@ -35,7 +35,7 @@ def empty_floor() -> NDArray[np.float32]:
 def states(known: OccupancyMap, pose: NDArray[np.float64], left: float, *forward: float) -> list[int]:
     """What the map says of places so far to the left and ahead of a pose."""
     ahead = np.array(forward)
-    return known.state[known.cells(ahead_of(pose, np.full(len(ahead), left), ahead))].tolist()
+    return [int(state) for state in known.state[known.cells(ahead_of(pose, np.full(len(ahead), left), ahead))]]
 
 
 @settings(deadline=None, max_examples=25)

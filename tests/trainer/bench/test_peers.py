@@ -64,7 +64,7 @@ def test_a_previous_action_is_shown_and_forgotten_with_its_episode(config: Train
     step = env.step(actions)
     assert step.observations[PREVIOUS_ACTION].tolist() == [[0], [2], [3], [4]]
     assert step.final_observations[0][PREVIOUS_ACTION].tolist() == [1]
-    assert all(env.space[name].contains(values[1]) for name, values in step.observations.items())
+    assert all(env.boxes[name].contains(values[1]) for name, values in step.observations.items())
 
 
 def test_a_peer_sees_what_our_policy_sees(config: TrainConfig) -> None:

@@ -12,7 +12,6 @@ from typing import Any
 import gym.spaces
 import numpy as np
 import torch
-from gymnasium.spaces import Dict as GymnasiumDict
 from omegaconf import OmegaConf
 from torch import Tensor
 
@@ -64,11 +63,11 @@ class _Envs:
 
 
 class _Net(Net):  # type: ignore[misc]
-    def __init__(self, space: GymnasiumDict, config: TrainConfig) -> None:
+    def __init__(self, config: TrainConfig, thought_size: int) -> None:
         super().__init__()
         network = config.network
         self._size = network.hidden_size
-        self.senses = Senses(config, space["thought"].shape[0] if "thought" in space.spaces else 0)
+        self.senses = Senses(config, thought_size)
         self.state_encoder = build_rnn_state_encoder(self.senses.size, self._size, "LSTM", network.lstm_layers)
 
     output_size = property(lambda self: self._size)
@@ -98,9 +97,9 @@ class _Trainer(PPOTrainer):  # type: ignore[misc]
 
     def _init_envs(self, config: Any = None, is_eval: bool = False) -> None:  # noqa: ARG002
         env = LockStepEnv(self._told.config, self._told.planner)
-        spaces = {name: gym.spaces.Box(box.low, box.high, dtype=box.dtype) for name, box in env.space.spaces.items()}
+        spaces = {name: gym.spaces.Box(box.low, box.high, dtype=box.dtype) for name, box in env.boxes.items()}
         actions = gym.spaces.Discrete(env.num_actions)
-        baseline_registry.register_policy(_make_policy(env.space, self._told.config), name=_AGENT)
+        baseline_registry.register_policy(_make_policy(self._told.config, env.thought_size), name=_AGENT)
         self.envs = _Envs(env)
         self._env_spec = EnvironmentSpec(gym.spaces.Dict(spaces), actions, actions)
         self._rank0_keys: set[str] = set()
@@ -111,11 +110,11 @@ class _Trainer(PPOTrainer):  # type: ignore[misc]
         return next(self._told.updates, self) is self
 
 
-def _make_policy(space: GymnasiumDict, config: TrainConfig) -> type:
+def _make_policy(config: TrainConfig, thought_size: int) -> type:
     class Policy(NetPolicy):  # type: ignore[misc]
         @classmethod
         def from_config(cls, _config: Any, _space: Any, action_space: Any, **_: Any) -> "Policy":
-            policy = cls(_Net(space, config), action_space)
+            policy = cls(_Net(config, thought_size), action_space)
             set_priors(policy.action_distribution.linear, config)
             return policy
 

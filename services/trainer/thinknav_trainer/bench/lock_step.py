@@ -13,11 +13,11 @@ from typing import TextIO
 
 import numpy as np
 import torch
-from gymnasium.spaces import Box, Dict
+from gymnasium.spaces import Box
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from thinknav_sim.observations import Observations
+from thinknav_sim.observations import Observations, observation_space
 from thinknav_sim.render import set_render_threads
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
@@ -34,7 +34,7 @@ PREVIOUS_ACTION = "previous_action"  # (N, 1) int64, 1 and up; 0 where an episod
 class LockStepEnv:
     """N agents in the homes of a configuration, whose thinks are answered before anyone moves on.
 
-    space: of one agent's observation.
+    boxes: the spaces of one agent's observation. thought_size: length of a thought, 0 without a planner.
     """
 
     def __init__(self, config: TrainConfig, planner: PlannerClient | None) -> None:
@@ -44,11 +44,12 @@ class LockStepEnv:
         self._env.share = 0.0
         self.num_envs = config.num_envs
         self.num_actions = config.task.num_actions
-        spaces = dict(vector_env.single_observation_space.spaces)
-        if planner is not None:
-            spaces["thought"] = Box(-1.0, 1.0, (planner.info.embedding_dimension,), np.float32)
-        spaces[PREVIOUS_ACTION] = Box(0, self.num_actions, (1,), np.int64)
-        self.space = Dict(spaces)
+        self.thought_size = 0 if planner is None else planner.info.embedding_dimension
+        spaces = observation_space(config.task).spaces
+        self.boxes = {name: space for name, space in spaces.items() if isinstance(space, Box)}
+        if self.thought_size:
+            self.boxes["thought"] = Box(-1.0, 1.0, (self.thought_size,), np.float32)
+        self.boxes[PREVIOUS_ACTION] = Box(0, self.num_actions, (1,), np.int64)
 
     def reset(self) -> Observations:
         return self._with_actions(self._env.reset(), np.zeros(self.num_envs, np.int64))

@@ -23,8 +23,8 @@ class _Env(VecEnv):  # type: ignore[misc]
     def __init__(self, env: LockStepEnv) -> None:
         self._env = env
         self._actions = np.zeros(env.num_envs, np.int64)
-        flat = {name: _flat_space(space) for name, space in env.space.spaces.items()}
-        super().__init__(env.num_envs, Dict(flat), Discrete(env.num_actions))
+        space = Dict([(name, _flat_box(box)) for name, box in env.boxes.items()])
+        super().__init__(env.num_envs, space, Discrete(env.num_actions))
 
     def reset(self) -> Observations:
         return _flat(self._env.reset())
@@ -57,8 +57,8 @@ class _Env(VecEnv):  # type: ignore[misc]
 
 
 class _Features(BaseFeaturesExtractor):  # type: ignore[misc]
-    def __init__(self, space: Dict, config: TrainConfig) -> None:
-        senses = Senses(config, space["thought"].shape[0] if "thought" in space.spaces else 0)
+    def __init__(self, space: Dict, config: TrainConfig, thought_size: int) -> None:
+        senses = Senses(config, thought_size)
         super().__init__(space, senses.size)
         self.senses = senses
 
@@ -67,8 +67,8 @@ class _Features(BaseFeaturesExtractor):  # type: ignore[misc]
         return features
 
 
-def _flat_space(space: Any) -> Box:
-    return Box(space.low.reshape(-1), space.high.reshape(-1), dtype=space.dtype)
+def _flat_box(box: Box) -> Box:
+    return Box(box.low.reshape(-1), box.high.reshape(-1), dtype=np.dtype(box.dtype).type)
 
 
 def _flat(observations: Observations) -> Observations:
@@ -78,10 +78,10 @@ def _flat(observations: Observations) -> Observations:
 def make_learner(config: TrainConfig, planner: PlannerClient | None) -> Callable[[], None]:
     """Recurrent PPO with the configuration's sizes: one LSTM for actor and critic, the heads right on it."""
     ppo = config.ppo
-    env = _Env(LockStepEnv(config, planner))
+    env = LockStepEnv(config, planner)
     model = RecurrentPPO(
         "MultiInputLstmPolicy",
-        env,
+        _Env(env),
         n_steps=ppo.num_steps,
         batch_size=config.steps_per_update // ppo.minibatches,
         n_epochs=ppo.epochs,
@@ -98,7 +98,7 @@ def make_learner(config: TrainConfig, planner: PlannerClient | None) -> Callable
         device="cpu",
         policy_kwargs={
             "features_extractor_class": _Features,
-            "features_extractor_kwargs": {"config": config},
+            "features_extractor_kwargs": {"config": config, "thought_size": env.thought_size},
             "normalize_images": False,
             "net_arch": [],
             "lstm_hidden_size": config.network.hidden_size,
