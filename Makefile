@@ -3,12 +3,13 @@
 PYTHON ?= python3
 BIN := .venv/bin
 
-.PHONY: help setup demo test test-upstreams bench bench-peers bench-server bench-server-peers soak fuzz check format pins clean
+.PHONY: help setup demo test test-upstreams bench bench-train bench-peers bench-server bench-server-peers soak fuzz check format pins clean
 
 help:
 	@echo 'make demo    train a robot that thinks, evaluate it, write runs/demo/report.html (about 10 minutes)'
 	@echo 'make test    formatting, lint, types, tests'
 	@echo 'make bench   the simulator'\''s speed beside MiniWorld, Open3D and bare ray casts (some minutes)'
+	@echo 'make bench-train  the trainer'\''s speed beside Stable-Baselines3 and Habitat-Baselines (some minutes)'
 	@echo 'make bench-server  the planning service beside LitServe, and under overload (some minutes)'
 	@echo 'make soak    20 minutes of stepping through ever new homes: memory stays flat (MINUTES=1 for a short one)'
 	@echo 'make fuzz    100,000 bodies that no client would send, at both doors of the planning service (some 20 minutes of one core)'
@@ -41,13 +42,16 @@ test-upstreams: setup
 bench: setup bench-peers
 	@$(BIN)/thinknav bench sim
 
-# Simulators to compare with, in a virtual environment of their own. Drawing without a display takes Mesa's software
+bench-train: setup bench-peers
+	@$(BIN)/thinknav bench train
+
+# Simulators and learners to compare with, in a virtual environment of their own. Drawing without a display takes Mesa's software
 # renderer; on Debian: libegl1 libgl1 libgl1-mesa-dri libglu1-mesa.
 bench-peers: .venv-peers/installed
 
-.venv-peers/installed:
-	@$(PYTHON) -m venv .venv-peers
-	@.venv-peers/bin/python -m pip install --quiet --disable-pip-version-check miniworld==2.1.0 'pyglet<2'
+.venv-peers/installed: scripts/install-peers pyproject.toml constraints.txt
+	@test -x .venv-peers/bin/python || $(PYTHON) -m venv .venv-peers
+	@scripts/install-peers .venv-peers
 	@touch $@
 
 # The planning service beside LitServe, which has a virtual environment of its own.

@@ -109,6 +109,6 @@ def test_the_detector_sees_the_goal_where_it_stands(smoke: TrainConfig, homes: H
 
 
 def test_it_finds_most_goals_of_homes_that_it_has_never_seen() -> None:
-    config = load_config("cpu", overrides=["num_envs=6"])
-    _, records = evaluate_agent("frontier", parse_home_set("val:0-3"), 6, Setting(config))
-    assert sum(record.measures["success"] for record in records) >= 5
+    config = load_config("cpu", overrides=["num_envs=4"])
+    _, records = evaluate_agent("frontier", parse_home_set("val:0-2"), 4, Setting(config))
+    assert sum(record.measures["success"] for record in records) >= 3

@@ -9,7 +9,8 @@ from thinknav_sim.render import Renderer
 from thinknav_sim.scene import Scene
 from thinknav_trainer.bench import simulator
 from thinknav_trainer.bench.memory import resident_mb
-from thinknav_trainer.bench.miniworld import MiniWorld, PeerMissing
+from thinknav_trainer.bench.miniworld import MiniWorld
+from thinknav_trainer.bench.peer import PeerMissing
 from thinknav_trainer.bench.soak import Sample, growth
 from thinknav_trainer.bench.stepping import RandomWalkers
 

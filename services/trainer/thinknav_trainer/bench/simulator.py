@@ -11,7 +11,8 @@ from thinknav_sim.scene import Scene
 from thinknav_trainer.bench.bare_casts import embree_cast, open3d_cast, view_rays
 from thinknav_trainer.bench.figures import Figure, Timing, compared, rounded, take_turns, timed
 from thinknav_trainer.bench.memory import resident_mb
-from thinknav_trainer.bench.miniworld import MiniWorld, PeerMissing
+from thinknav_trainer.bench.miniworld import MiniWorld
+from thinknav_trainer.bench.peer import PeerMissing
 from thinknav_trainer.bench.stepping import RandomWalkers
 from thinknav_trainer.bench.worlds import scan_like, training_homes, views_in
 

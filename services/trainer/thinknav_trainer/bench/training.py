@@ -1,11 +1,14 @@
-"""The trainer's figures: steps per second from frames to updated weights, and what a slow planner leaves of them."""
+"""The trainer's figures: steps per second from frames to updated weights, beside other libraries' learners, and what a
+slow planner leaves of them.
+"""
 
 import logging
 import statistics
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +16,8 @@ import torch
 
 from thinknav_proto import PlannerError, PlannerFailed, SubgoalRequest
 from thinknav_trainer.bench.figures import Figure, compared, rounded
+from thinknav_trainer.bench.peer import PeerMissing
+from thinknav_trainer.bench.peer_trainers import PEERS, PeerTrainer
 from thinknav_trainer.bench.stepping import timed_renderer
 from thinknav_trainer.config import TrainConfig, load_config
 from thinknav_trainer.planner import MockTransport, PlannerClient, connect
@@ -34,15 +39,21 @@ LATENCY = (
     f"think.deadline={DEADLINE_S}",
     "scenes.homes=4",
 )
+NEVER = ("think.strategy=never",)
 LARGE_LSTM = ("policy.hidden_size=512", "policy.lstm_layers=2")
 
 
-def training_figures(repeats: int, url: str | None = None) -> Iterator[Figure]:
-    """Every figure of the trainer, as soon as it is there. url: of a planning service; none: one of our own."""
+def training_figures(repeats: int, peers: Path, url: str | None = None) -> Iterator[Figure]:
+    """Every figure of the trainer, as soon as it is there.
+
+    peers: virtual environment of the peers. url: of a planning service; none: one of our own.
+    """
     logging.getLogger("thinknav_trainer").setLevel(logging.WARNING)
     with _service(url) as planner:
         yield from speed("train.cpu", load_config("cpu"), planner, repeats)
         yield from speed("train.lstm512", load_config("cpu", overrides=LARGE_LSTM), planner, repeats)
+        yield from against_peers("train.cpu", load_config("cpu"), peers, repeats, planner)
+    yield from against_peers("train.cpu_never", load_config("cpu", overrides=NEVER), peers, repeats)
     yield from latency_hidden(load_config("cpu", overrides=LATENCY), repeats)
 
 
@@ -59,6 +70,35 @@ def speed(name: str, config: TrainConfig, planner: str, repeats: int) -> Iterato
     yield Figure(f"{name}.steps_per_s", rounded(rate), "steps/s")
     for part, share in _shares(seconds, parts).items():
         yield Figure(f"{name}.share_{part}", rounded(share), "share of the time")
+
+
+def against_peers(
+    name: str, config: TrainConfig, peers: Path, repeats: int, planner: str | None = None
+) -> Iterator[Figure]:
+    """Steps per second of training beside other libraries' learners, which take turns with ours, two updates each.
+
+    They have the same env, sizes and numbers of passes: see `peer_trainers`.
+    """
+    with ExitStack() as stack:
+        client = None if planner is None else stack.enter_context(connect(planner))
+        session = open_session(config, make_homes(config), client)
+        stack.callback(session.env.env.close)
+        rated = {"ours": partial(_updates, session, 2)}
+        missing = {}
+        for peer in PEERS:
+            try:
+                rated[peer.figure] = partial(stack.enter_context(PeerTrainer(peer, peers, config, planner)).rate, 2)
+            except PeerMissing as reason:
+                missing[peer.figure] = str(reason)
+        # The first turn warms up.
+        turns = [{who: rate() for who, rate in rated.items()} for _ in range(repeats + 1)][1:]
+    medians = {who: statistics.median(turn[who] for turn in turns) for who in rated}
+    for peer in PEERS:
+        figure = f"{name}.{peer.figure}"
+        if peer.figure in missing:
+            yield Figure(figure, rounded(medians["ours"]), "steps/s", missing[peer.figure])
+        else:
+            yield compared(figure, medians["ours"], "steps/s", peer.name, medians[peer.figure])
 
 
 def latency_hidden(config: TrainConfig, repeats: int) -> Iterator[Figure]:

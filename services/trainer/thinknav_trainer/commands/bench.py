@@ -12,14 +12,15 @@ from thinknav_trainer.bench.figures import Figure, table
 from thinknav_trainer.bench.simulator import simulator_figures
 from thinknav_trainer.bench.soak import ALLOWED_GROWTH, growth, soak
 
+Peers = Annotated[Path, typer.Option(help="virtual environment of the peers: make bench-peers")]
+_PEERS = Path(".venv-peers")
+
 app = typer.Typer(help="Measure speed and memory on this machine.", no_args_is_help=True)
 
 
 @app.command("sim")
 def measure_simulator(
-    peers: Annotated[Path, typer.Option(help="virtual environment of the peers: make bench-peers")] = Path(
-        ".venv-peers"
-    ),
+    peers: Peers = _PEERS,
     repeats: Annotated[int, typer.Option(min=1, help="of each measurement; the median counts")] = 7,
 ) -> None:
     """The simulator's frames per second beside its peers', and what a step costs besides drawing. A few minutes."""
@@ -28,13 +29,17 @@ def measure_simulator(
 
 @app.command("train")
 def measure_training(
+    peers: Peers = _PEERS,
     repeats: Annotated[int, typer.Option(min=1, help="of each measurement; the median counts")] = 3,
     planner: Annotated[str | None, typer.Option(help="URL of a planning service; default: one of its own")] = None,
 ) -> None:
-    """Steps per second of training, where the time goes, and what is left of it with a slow planner. A few minutes."""
+    """Steps per second of training beside its peers', where the time goes, and what a slow planner leaves of it.
+
+    Some minutes.
+    """
     from thinknav_trainer.bench.training import training_figures
 
-    _tell(training_figures(repeats, planner))
+    _tell(training_figures(repeats, peers, planner))
 
 
 @app.command("soak")
