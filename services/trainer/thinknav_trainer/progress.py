@@ -44,7 +44,8 @@ class ProgressBar:
 def progress_bar(title: str, total: int, done: int = 0, unit: str = "steps") -> Iterator[ProgressBar]:
     """Show a bar while the block runs. Log lines of the block appear above it."""
     console = Console(stderr=True)
-    hidden = not console.is_terminal or bool(_shown)  # a terminal has room for one live bar
+    # A terminal has room for one live bar, and a process that only logs errors shows none.
+    hidden = not console.is_terminal or bool(_shown) or not logger.isEnabledFor(logging.INFO)
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), MofNCompleteColumn())
     bar = Progress(*columns, TextColumn("{task.fields[note]}"), console=console, disable=hidden)
     with bar:
