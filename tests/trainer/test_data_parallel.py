@@ -122,6 +122,20 @@ def all_of_it(workers: Workers) -> list[Any]:
     return [update(workers), clone(workers), one_has_nothing(workers)]
 
 
+def diverge(workers: Workers) -> None:
+    made = rollout(LENGTHS[workers.rank], workers.rank)
+    if workers.rank == 1:
+        made.returns[3] = float("inf")
+    learner(workers).update(made)
+
+
+def test_only_whose_numbers_are_not_finite_says_so() -> None:
+    first, second = together(diverge, TrainConfig())
+    assert second.error is not None
+    assert second.error.startswith("NotFinite: value_loss of an update")
+    assert first.error == "SystemExit: 1"
+
+
 @pytest.fixture(scope="module")
 def found() -> list[list[Any]]:
     return values(together(all_of_it, TrainConfig()))

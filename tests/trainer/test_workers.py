@@ -20,10 +20,12 @@ from thinknav_trainer.actor import Actor
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.collector import Collector
 from thinknav_trainer.config import ConfigError, TrainConfig, change_config
+from thinknav_trainer.dumps import read_dump
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import MockTransport, PlannerClient
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.run import list_checkpoints, read_metrics
+from thinknav_trainer.run_elsewhere import RunElsewhere
 from thinknav_trainer.scenes import Homes, make_homes
 from thinknav_trainer.thinking import ThinkingEnv
 from thinknav_trainer.train import observation_shape
@@ -232,6 +234,15 @@ def test_a_replay_is_for_one_process(config: TrainConfig, tmp_path: Path) -> Non
 
     with pytest.raises(ConfigError, match="run of one process"):
         workflow.train_run(tmp_path, config, Interruption(), replay=tmp_path, workers=Two())
+
+
+def test_of_a_run_elsewhere_only_the_dump_is_written(config: TrainConfig, tmp_path: Path) -> None:
+    run = RunElsewhere(tmp_path, config, rank=1)
+    run.log(64, {"success": 1.0}, {})
+    path = run.dump(64, {"what": "a test"})
+    assert [file for file in tmp_path.rglob("*") if file.is_file()] == [path]
+    assert path.name == "0000000064-worker1.pt"
+    assert read_dump(path) == {"what": "a test"}
 
 
 def test_seeds_are_apart() -> None:
