@@ -91,7 +91,9 @@ def collect_twice(workers: Workers, config: TrainConfig) -> list[int]:
     collector = Collector(env, actor, config.ppo, workers)
     sizes = []
     for slow in (1, 0):
+        deadline = time.monotonic() + 60
         while workers.rank == slow and not workers.most_are_done():
+            assert time.monotonic() < deadline
             time.sleep(0.01)
         sizes.append(len(collector.collect()))
         workers.gather(None)

@@ -85,7 +85,8 @@ def train(
     """
     if resume and replay:
         raise ConfigError("--replay repeats a run from its beginning: it does not go with --resume")
-    resume = resume or (times_restarted() > 0 and (runs / name / "config.yaml").exists())
+    if times_restarted() > 0 and replay is None:
+        resume = resume or (runs / name / "config.yaml").exists()
 
     def configure() -> TrainConfig:
         if resume or replay:

@@ -104,7 +104,7 @@ def join_workers(configure: Callable[[], TrainConfig]) -> Iterator[tuple[Workers
 
 def started_by_torchrun() -> bool:
     """Whether this process is one of several, by the environment that torchrun gives them."""
-    return "RANK" in os.environ and "WORLD_SIZE" in os.environ
+    return {"RANK", "WORLD_SIZE", "MASTER_ADDR"} <= os.environ.keys()
 
 
 def own_rank() -> int:
