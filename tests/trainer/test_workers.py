@@ -28,7 +28,8 @@ from thinknav_trainer.run import list_checkpoints, read_metrics
 from thinknav_trainer.run_elsewhere import RunElsewhere
 from thinknav_trainer.scenes import Homes, make_homes
 from thinknav_trainer.thinking import ThinkingEnv
-from thinknav_trainer.train import observation_shape
+from thinknav_trainer.train import agree, observation_shape
+from thinknav_trainer.vision import EmbeddingSpaceError
 from thinknav_trainer.workers import Lone, Workers, join_workers, seed_of
 
 OVERRIDES = ("ppo.precision=float32", "policy.stop_bias=-1", "policy.think_bias=1")
@@ -77,6 +78,12 @@ def test_of_a_worker_that_fails_the_others_say_nothing(config: TrainConfig) -> N
 def test_a_late_worker_is_named(config: TrainConfig) -> None:
     first, _ = together(be_late, change_config(config, overrides=["workers.timeout=2"]))
     assert first.error == "WorkerLost: worker 1 is late: waited for 2 s (workers.timeout)"
+
+
+def test_workers_do_not_wait_for_ever_to_come_together(config: TrainConfig) -> None:
+    [first] = together(be_late, change_config(config, overrides=["workers.timeout=1"]), count=1, missing=1)
+    assert first.error is not None
+    assert first.error.startswith("WorkerLost: the workers have not come together: ")
 
 
 # Stragglers
@@ -245,6 +252,17 @@ def test_of_a_run_elsewhere_only_the_dump_is_written(config: TrainConfig, tmp_pa
     assert [file for file in tmp_path.rglob("*") if file.is_file()] == [path]
     assert path.name == "0000000064-worker1.pt"
     assert read_dump(path) == {"what": "a test"}
+
+
+def test_planners_of_several_embedding_spaces_are_refused(config: TrainConfig) -> None:
+    class Two(Lone):
+        count = 2
+
+        def gather(self, value: Any) -> list[Any]:
+            return [value, "another@0"]
+
+    with pytest.raises(EmbeddingSpaceError, match="spaces: None, another@0"):
+        agree(Two(), Policy(observation_shape(config, None), config.policy), None)
 
 
 def test_seeds_are_apart() -> None:

@@ -26,8 +26,11 @@ class Outcome:
     exit_code: int | None
 
 
-def together(work: Work, config: TrainConfig, *arguments: object, count: int = 2) -> list[Outcome]:
-    """`work(workers, *arguments)` in each of `count` processes, by rank. A function of a module, not of a test."""
+def together(work: Work, config: TrainConfig, *arguments: object, count: int = 2, missing: int = 0) -> list[Outcome]:
+    """`work(workers, *arguments)` in each of `count` processes, by rank. A function of a module, not of a test.
+
+    missing: how many more they wait for.
+    """
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(["thinknav_trainer.workflow", "thinknav_trainer.torchrun"])
     store = TCPStore("127.0.0.1", 0, None, is_master=True)
@@ -36,7 +39,7 @@ def together(work: Work, config: TrainConfig, *arguments: object, count: int = 2
         ours, theirs = context.Pipe()
         environment = {
             "RANK": str(rank),
-            "WORLD_SIZE": str(count),
+            "WORLD_SIZE": str(count + missing),
             "LOCAL_WORLD_SIZE": str(count),
             "MASTER_ADDR": "127.0.0.1",
             "MASTER_PORT": str(store.port),

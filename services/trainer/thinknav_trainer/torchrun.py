@@ -65,17 +65,24 @@ class Torchrun:
         return values
 
     def most_are_done(self) -> bool:
-        return bool(self._store.add(f"{ROLLOUTS}/{self._rollouts}", 0) >= self._enough)
+        with self._named_failure():
+            return bool(self._store.add(f"{ROLLOUTS}/{self._rollouts}", 0) >= self._enough)
 
     def done(self) -> None:
-        self._store.add(f"{ROLLOUTS}/{self._rollouts}", 1)
-        if self.rank == 0 and self._rollouts > 1:  # all have met since, so nobody asks for it any more
-            self._store.delete_key(f"{ROLLOUTS}/{self._rollouts - 2}")
+        with self._named_failure():
+            self._store.add(f"{ROLLOUTS}/{self._rollouts}", 1)
+            if self.rank == 0 and self._rollouts > 1:  # all have met since, so nobody asks for it any more
+                self._store.delete_key(f"{ROLLOUTS}/{self._rollouts - 2}")
         self._rollouts += 1
 
     @contextmanager
     def _meeting(self) -> Iterator[None]:
         self._heartbeat.came_to_meeting()
+        with self._named_failure():
+            yield
+
+    @contextmanager
+    def _named_failure(self) -> Iterator[None]:
         try:
             yield
         except RuntimeError as failure:  # torch has many kinds of them
@@ -86,17 +93,29 @@ class Torchrun:
 def torchrun_workers(configure: Callable[[], TrainConfig]) -> Iterator[tuple[Workers, TrainConfig]]:
     """Meet the others; the configuration is the first worker's. Raises WorkerLost."""
     start = timedelta(seconds=START_TIMEOUT_S)
-    store, rank, count = next(rendezvous("env://", timeout=start))
+    with _coming_together():
+        store, rank, count = next(rendezvous("env://", timeout=start))
     store = PrefixStore(f"thinknav/{times_restarted()}", store)  # what was before a restart is past
     with _one_speaks(store):
         config = _configuration(store, rank, configure)
         patience = config.workers.timeout
         backend = "cpu:gloo,cuda:nccl" if torch.cuda.is_available() else "cpu:gloo"
-        dist.init_process_group(backend, store=store, rank=rank, world_size=count, timeout=timedelta(seconds=patience))
+        patient = timedelta(seconds=patience)
+        with _coming_together():
+            dist.init_process_group(backend, store=store, rank=rank, world_size=count, timeout=patient)
         with Heartbeat(store, rank, count, patience) as heartbeat:
             never = config.deterministic  # who stops early is a matter of timing
             yield Torchrun(store, heartbeat, 2.0 if never else config.workers.sync_frac), config
         dist.destroy_process_group()
+
+
+@contextmanager
+def _coming_together() -> Iterator[None]:
+    try:
+        yield
+    except RuntimeError as failure:
+        reason = (str(failure).splitlines() or ["no reason given"])[0]
+        raise WorkerLost(f"the workers have not come together: {reason}") from None
 
 
 @contextmanager

@@ -215,14 +215,25 @@ def open_session(
     if planner is not None and resume_from is None:
         centre, scale = centre_and_scale(env.embed(typical_sentences()))
         policy.scale_thoughts(torch.from_numpy(centre), scale)
-    if workers.count > 1:  # the same seed gives the same weights on the same machine only
-        policy.load_state_dict(workers.share(policy.state_dict))
+    if workers.count > 1:
+        agree(workers, policy, planner)
     actor = Actor(policy, config.num_envs, config.ppo.precision, seed)
     learner = PPO(policy, config.ppo, seed, workers)
     session = Session(env, learner, actor, Collector(env, actor, config.ppo, workers), planner, workers)
     if resume_from is not None:
         restore(session, resume_from)
     return session
+
+
+def agree(workers: Workers, policy: Policy, planner: PlannerClient | None) -> None:
+    """Give all workers the first one's weights: on another machine the same seed may have made others.
+
+    Raises EmbeddingSpaceError where they read thoughts of several spaces.
+    """
+    spaces = sorted(set(map(str, workers.gather(embedding_space(planner)))))
+    if len(spaces) > 1:
+        raise EmbeddingSpaceError(f"the workers' planners are of several embedding spaces: {', '.join(spaces)}")
+    policy.load_state_dict(workers.share(policy.state_dict))
 
 
 def restore(session: Session, checkpoint: Checkpoint) -> None:
