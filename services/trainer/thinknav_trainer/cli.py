@@ -19,7 +19,7 @@ from thinknav_sim.render import RendererUnavailable
 from thinknav_sim.scene import SceneError
 from thinknav_trainer.checkpoint import CheckpointError
 from thinknav_trainer.commands import ask, bench, compare, episodes, evaluate, homes, models, scenes
-from thinknav_trainer.config import ConfigError, change_config, load_config, presets
+from thinknav_trainer.config import ConfigError, TrainConfig, change_config, load_config, presets
 from thinknav_trainer.demo import run_demo
 from thinknav_trainer.dumps import TrainingDiverged
 from thinknav_trainer.interrupt import interruption
@@ -29,6 +29,7 @@ from thinknav_trainer.reproduce import reproduce_dump
 from thinknav_trainer.run import RunError, read_config
 from thinknav_trainer.service_process import ServiceError
 from thinknav_trainer.vision import EmbeddingSpaceError
+from thinknav_trainer.workers import WorkerLost, join_workers, own_rank, started_by_torchrun, times_restarted
 from thinknav_trainer.workflow import train_run
 
 # What a user, or the world, can do wrong; anything else is our mistake and shows its traceback.
@@ -42,7 +43,7 @@ USAGE_ERRORS = (
     EmbeddingSpaceError,
     WeightsError,
 )
-FAILURES = (PlannerError, ServiceError, RendererUnavailable, TrainingDiverged)
+FAILURES = (PlannerError, ServiceError, RendererUnavailable, TrainingDiverged, WorkerLost)
 
 app = typer.Typer(
     help="Robots that find objects in homes, and ask for a hint when a hint is worth its cost.",
@@ -80,17 +81,24 @@ def train(
     """Train a policy. Needs a planning service (thinknav-server serve), but for think.strategy=never.
 
     With --resume the run's own configuration takes the place of the preset; with --replay that of the recorded run.
+    Under torchrun several processes train one policy (docs/scaling.md), and go on by themselves where it restarts them.
     """
     if resume and replay:
         raise ConfigError("--replay repeats a run from its beginning: it does not go with --resume")
-    if resume or replay:
-        config = change_config(read_config(replay or runs / name), config_file, overrides or ())
-    else:
-        config = load_config(preset, config_file, overrides or ())
-    config = config.with_planner(planner)
-    with interruption() as interrupted:
-        path = train_run(runs / name, config, interrupted, resume, replay=replay)
-    Console().print(f"checkpoint: {path}", soft_wrap=True)
+    if times_restarted() > 0 and replay is None:
+        resume = resume or (runs / name / "config.yaml").exists()
+
+    def configure() -> TrainConfig:
+        if resume or replay:
+            config = change_config(read_config(replay or runs / name), config_file, overrides or ())
+        else:
+            config = load_config(preset, config_file, overrides or ())
+        return config.with_planner(planner)
+
+    with interruption() as interrupted, join_workers(configure) as (workers, config):
+        path = train_run(runs / name, config, interrupted, resume, replay=replay, workers=workers)
+    if workers.rank == 0:
+        Console().print(f"checkpoint: {path}", soft_wrap=True)
     raise typer.Exit(interrupted.exit_code)
 
 
@@ -131,6 +139,8 @@ def main() -> None:
     else:
         logging.basicConfig(level=logging.INFO, format="%(asctime)s %(levelname)s %(message)s")
     logging.getLogger("httpx").setLevel(logging.WARNING)
+    if own_rank() > 0:  # what the first worker says is true of the others as well, but for how they fail
+        logging.getLogger().setLevel(logging.ERROR)
     try:
         app()
     except USAGE_ERRORS as error:
@@ -142,5 +152,6 @@ def main() -> None:
 
 
 def _fail(error: BaseException, status: int) -> None:
-    sys.stderr.write(f"thinknav: {error}\n")
+    speaker = f"thinknav (worker {own_rank()})" if started_by_torchrun() else "thinknav"
+    sys.stderr.write(f"{speaker}: {error}\n")
     sys.exit(status)

@@ -23,8 +23,10 @@ from thinknav_trainer.thinking import EpisodeEnd, Step, ThinkingEnv
 from thinknav_trainer.thoughts import Thought
 from thinknav_trainer.timing import Stopwatch
 from thinknav_trainer.transitions import TransitionLog, Transitions
+from thinknav_trainer.workers import Lone, Workers
 
 RECENT_EPISODES = 100
+SHORTEST_ROLLOUT = 0.25  # share of a rollout that a worker collects in any case, as Habitat's
 
 
 class Collector:
@@ -36,7 +38,7 @@ class Collector:
     recent: the episodes that ended last. thoughts: those of the last rollout. stopwatch: where the time went.
     """
 
-    def __init__(self, env: ThinkingEnv, actor: Actor, config: PPOConfig) -> None:
+    def __init__(self, env: ThinkingEnv, actor: Actor, config: PPOConfig, workers: Workers = Lone()) -> None:
         self.recent: deque[EpisodeEnd] = deque(maxlen=RECENT_EPISODES)
         self.episodes_ended = 0
         self.thoughts: list[Thought] = []
@@ -44,6 +46,7 @@ class Collector:
         self._env = env
         self._actor = actor
         self._config = config
+        self._workers = workers
         # A row for each env: what it observes, and what it decided then; that is news for those who are to decide.
         self._observations: Observations = actor.look(env.reset())
         self._to_decide = np.arange(env.num_envs)
@@ -52,11 +55,12 @@ class Collector:
     def collect(self) -> Rollout:
         """num_steps transitions for each env on average, and less than one more; an env that waits gives fewer.
 
+        Where most other workers have finished theirs, it is cut short.
         Raises Unavailable when the planner has been gone too long, NotFinite when the simulator gives such numbers.
         """
         self.thoughts = []
         log = TransitionLog()
-        while len(log) < self._config.num_steps * self._env.num_envs:
+        while self._goes_on(len(log)):
             envs, replies = self._decide()
             rows = self._rows(envs)
             decision = self._decision.select(rows)
@@ -65,7 +69,15 @@ class Collector:
             self._require_finite(envs, decision, step)
             log.add(self._transitions(envs, decision, step))
             self._advance(envs, decision, step)
+        self._workers.done()
         return log.rollout(self._last_values(), self._config.gamma, self._config.tau, self._config.chunk_length)
+
+    def _goes_on(self, collected: int) -> bool:
+        """Whether a rollout of so many transitions is to be longer."""
+        wanted = self._config.num_steps * self._env.num_envs
+        if collected >= SHORTEST_ROLLOUT * wanted and self._workers.most_are_done():
+            return False
+        return collected < wanted
 
     def _require_finite(self, envs: NDArray[np.int64], decision: Decision, step: Step) -> None:
         """What the simulator gave is checked where it comes in. Raises NotFinite."""
@@ -154,6 +166,11 @@ class Collector:
             "recent": [vars(end) for end in self.recent],
             "episodes_ended": self.episodes_ended,
         }
+
+    def adopt_counts(self, state: dict[str, Any]) -> None:
+        """Those of a worker that is no more, by its `state_dict`; whom it had parked get no reply."""
+        self.episodes_ended += state["episodes_ended"]
+        self._env.adopt_counts(state["env"])
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on exactly where `state_dict` was taken."""

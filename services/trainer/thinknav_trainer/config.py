@@ -146,14 +146,29 @@ class WarmStartConfig(Section):
     max_grad_norm: float = Field(1.0, gt=0, description="gradients are clipped to this norm while imitating")
 
 
+class WorkersConfig(Section):
+    """Several processes that train one policy (docs/scaling.md)."""
+
+    sync_frac: float = Field(
+        0.6,
+        gt=0,
+        le=1,
+        description="when this share of the workers has finished its rollout, the others stop, after a quarter of "
+        "theirs at the earliest (as Habitat's); not with deterministic",
+    )
+    timeout: float = Field(300.0, gt=0, description="seconds that workers wait for a late one before the run ends")
+
+
 class TrainConfig(Section):
     """A whole run."""
 
     seed: int = Field(0, ge=0, description="of everything: homes are fixed, episodes, weights and actions follow it")
     total_steps: int = Field(160_000, ge=1, description="environment steps, think steps included")
     max_minutes: float | None = Field(None, gt=0, description="stop after this wall time even if steps are left")
-    num_envs: int = Field(16, ge=1, description="agents that move in one batch")
-    threads: int = Field(0, ge=0, description="threads of torch and of the renderer; 0: the machine's cores")
+    num_envs: int = Field(16, ge=1, description="agents that move in one batch, of each worker")
+    threads: int = Field(
+        0, ge=0, description="threads of torch and of the renderer; 0: the machine's cores, shared out to its workers"
+    )
     deterministic: bool = Field(
         False,
         description="wait for every reply before anyone moves on: slower, and the same numbers every time; "
@@ -168,6 +183,7 @@ class TrainConfig(Section):
     policy: PolicyConfig = PolicyConfig()
     ppo: PPOConfig = PPOConfig()
     warm_start: WarmStartConfig = WarmStartConfig()
+    workers: WorkersConfig = WorkersConfig()
 
     @model_validator(mode="after")
     def _consistent(self) -> "TrainConfig":

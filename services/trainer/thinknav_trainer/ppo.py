@@ -1,6 +1,7 @@
 """Proximal policy optimisation (Schulman et al. 2017) as Habitat's DD-PPO does it, on recurrent sequences.
 
-Knows the policy and the rollout; nothing of envs, planners and files.
+Several workers' updates, each with its own rollout, are one update on all their transitions (`data_parallel`). Knows
+the policy and the rollout; nothing of envs, planners and files.
 """
 
 import math
@@ -14,21 +15,26 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from thinknav_trainer.config import PPOConfig
+from thinknav_trainer.data_parallel import average_gradients, mean_and_deviation
 from thinknav_trainer.dumps import NotFinite
 from thinknav_trainer.forcing import FORCED_THINK, acting_log_probs
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.precision import autocast
 from thinknav_trainer.rollout import Rollout
+from thinknav_trainer.workers import Lone, Workers
+
+LOSSES = ("policy_loss", "value_loss", "entropy", "approximate_kl", "clip_fraction")
 
 
 class PPO:
     """The learner: a policy, its optimiser, and one `update` for each rollout."""
 
-    def __init__(self, policy: Policy, config: PPOConfig, seed: int = 0) -> None:
+    def __init__(self, policy: Policy, config: PPOConfig, seed: int = 0, workers: Workers = Lone()) -> None:
         self.policy = policy
         self.config = config
         self.optimizer = torch.optim.Adam(policy.parameters(), lr=config.lr, eps=config.adam_eps)
         self._order = np.random.default_rng(seed)
+        self._workers = workers
 
     def update(self, rollout: Rollout, remaining: float = 1.0) -> dict[str, float]:
         """Several epochs over a rollout; means of the losses. remaining: share of the run that is left, for lr_decay.
@@ -40,7 +46,8 @@ class PPO:
                 group["lr"] = self.config.lr * remaining
         advantages = rollout.advantages
         if self.config.normalize_advantages:
-            advantages = (advantages - advantages.mean()) / (advantages.std() + 1e-5)
+            mean, deviation = mean_and_deviation(advantages, self._workers)
+            advantages = (advantages - mean) / (deviation + 1e-5)
         with autocast(self.config.precision):
             observations = self.policy.vision.prepare(rollout.observations)
         sums: dict[str, float] = {}
@@ -55,7 +62,33 @@ class PPO:
     def minibatch(
         self, rollout: Rollout, observations: Mapping[str, Tensor], advantages: Tensor, chosen: NDArray[np.int64]
     ) -> dict[str, float]:
-        """One gradient step on some sequences of a rollout, whose observations are prepared. Raises NotFinite."""
+        """One gradient step on some sequences of a rollout, whose observations are prepared, and on the other workers'.
+
+        Raises NotFinite.
+        """
+        evidence = partial(self._evidence, rollout, advantages, chosen)
+        self.optimizer.zero_grad(set_to_none=True)
+        # A worker whose rollout was cut short may have no sequence left, but the others wait for it.
+        losses, weight = dict.fromkeys(LOSSES, 0.0), 0
+        if len(chosen):
+            losses, weight = self._backward(rollout, observations, advantages, chosen, evidence)
+        losses = average_gradients(self.policy.parameters(), losses, weight, self._workers)
+        losses["gradient_norm"] = self._clip_gradients(evidence)
+        self.optimizer.step()
+        return losses
+
+    def _backward(
+        self,
+        rollout: Rollout,
+        observations: Mapping[str, Tensor],
+        advantages: Tensor,
+        chosen: NDArray[np.int64],
+        evidence: Callable[[], dict[str, Any]],
+    ) -> tuple[dict[str, float], int]:
+        """The gradients of this worker's sequences, its losses, and the number of transitions that both are means of.
+
+        Raises NotFinite.
+        """
         transitions, sequences = rollout.select(chosen)
         with autocast(self.config.precision):
             logits, values = self.policy.sequence(
@@ -74,18 +107,16 @@ class PPO:
         entropy = -(log_probs.exp() * log_probs).sum(dim=1).mean()
         loss = policy_loss + self.config.value_coef * value_loss - self.config.entropy_coef * entropy
         losses = {"policy_loss": policy_loss.item(), "value_loss": value_loss.item(), "entropy": entropy.item()}
-        evidence = partial(self._evidence, rollout, advantages, chosen)
         wrong = [name for name, value in losses.items() if not math.isfinite(value)]
         if wrong:
             raise NotFinite(f"{', '.join(wrong)} of an update: {losses}", evidence())
-        self.optimizer.zero_grad(set_to_none=True)
         loss.backward()  # type: ignore[no-untyped-call]
-        losses["gradient_norm"] = self._clip_gradients(evidence)
-        self.optimizer.step()
+        if self._workers.count > 1 and self._wrong_gradients():  # in the sum nobody could tell whose they were
+            raise NotFinite(f"gradients of {', '.join(self._wrong_gradients())}", evidence())
         with torch.no_grad():
             losses["approximate_kl"] = (log_ratio.exp() - 1 - log_ratio).mean().item()
             losses["clip_fraction"] = ((log_ratio.exp() - 1).abs() > self.config.clip).float().mean().item()
-        return losses
+        return losses, len(rows)
 
     def _clip_gradients(self, evidence: Callable[[], dict[str, Any]]) -> float:
         """The gradients' norm before they were clipped to the configured one."""
@@ -94,13 +125,17 @@ class PPO:
                 self.policy.parameters(), self.config.max_grad_norm, error_if_nonfinite=True
             )
         except RuntimeError:
-            wrong = [
-                name
-                for name, parameter in self.policy.named_parameters()
-                if parameter.grad is not None and not parameter.grad.isfinite().all()
-            ]
-            raise NotFinite(f"gradients of {', '.join(wrong) or 'all weights together'}", evidence()) from None
+            wrong = ", ".join(self._wrong_gradients()) or "all weights together"
+            raise NotFinite(f"gradients of {wrong}", evidence()) from None
         return float(norm)
+
+    def _wrong_gradients(self) -> list[str]:
+        """Names of the weights whose gradients are not finite."""
+        return [
+            name
+            for name, parameter in self.policy.named_parameters()
+            if parameter.grad is not None and not parameter.grad.isfinite().all()
+        ]
 
     def _evidence(self, rollout: Rollout, advantages: Tensor, chosen: NDArray[np.int64]) -> dict[str, Any]:
         """Of a minibatch that failed: `minibatch` does it again. The weights are those before its step."""

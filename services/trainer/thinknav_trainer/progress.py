@@ -8,6 +8,8 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskProgressColumn, TextColumn
 
+from thinknav_trainer.workers import own_rank
+
 logger = logging.getLogger(__name__)
 
 LOG_EVERY_S = 15.0
@@ -44,7 +46,8 @@ class ProgressBar:
 def progress_bar(title: str, total: int, done: int = 0, unit: str = "steps") -> Iterator[ProgressBar]:
     """Show a bar while the block runs. Log lines of the block appear above it."""
     console = Console(stderr=True)
-    hidden = not console.is_terminal or bool(_shown)  # a terminal has room for one live bar
+    # A terminal has room for one live bar, of one worker.
+    hidden = not console.is_terminal or bool(_shown) or own_rank() > 0
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), MofNCompleteColumn())
     bar = Progress(*columns, TextColumn("{task.fields[note]}"), console=console, disable=hidden)
     with bar:

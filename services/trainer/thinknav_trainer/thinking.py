@@ -356,6 +356,13 @@ class ThinkingEnv:
             "parked": sorted(self.parked),
         }
 
+    def adopt_counts(self, state: dict[str, Any]) -> None:
+        """Count what another env counted, by its `state_dict`: who was parked in it has asked in vain."""
+        counts, in_vain = ThinkCounts(**state["counts"]), len(state["parked"])
+        self.counts.asked += counts.asked + in_vain
+        self.counts.answered += counts.answered
+        self.counts.failed += counts.failed + in_vain
+
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on exactly where `state_dict` was taken."""
         self.env.load_state_dict(state["env"])

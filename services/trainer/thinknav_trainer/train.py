@@ -1,15 +1,16 @@
 """The story of a run: collect, learn, log, save, until the step budget is spent.
 
-`train` is the whole of it; the functions below it are its sentences.
+`train` is the whole of it; the functions below it are its sentences. Several workers may tell it together, each with
+envs of its own: they learn as one, and count their steps together.
 """
 
 import logging
 import math
 import time
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -33,11 +34,14 @@ from thinknav_trainer.ppo import PPO
 from thinknav_trainer.progress import progress_bar
 from thinknav_trainer.recording import AskRecorded, Recording
 from thinknav_trainer.run import Run
+from thinknav_trainer.run_elsewhere import RunElsewhere
 from thinknav_trainer.scenes import Homes
-from thinknav_trainer.thinking import EpisodeEnd, ThinkingEnv
+from thinknav_trainer.summary import share_of, summarize
+from thinknav_trainer.thinking import ThinkingEnv
 from thinknav_trainer.thought_scale import centre_and_scale, typical_sentences
 from thinknav_trainer.vision import EmbeddingSpaceError
 from thinknav_trainer.warm_start import Cloner, Demonstrations
+from thinknav_trainer.workers import Lone, Workers, any_of, seed_of
 
 logger = logging.getLogger(__name__)
 
@@ -47,36 +51,42 @@ SHORT_EPISODE_STEPS = 10  # a policy whose episodes are shorter has learnt to st
 
 @dataclass
 class Session:
-    """What a run is made of while it runs. best: the highest SPL on validation episodes so far."""
+    """What a run is made of while it runs.
+
+    steps: of all workers. best: the highest SPL on validation episodes so far.
+    """
 
     env: ThinkingEnv
     learner: PPO
     actor: Actor
     collector: Collector
     planner: PlannerClient | None
+    workers: Workers = field(default_factory=Lone)
     steps: int = 0
     best: float = -math.inf
     warned_of_short_episodes: bool = False
 
 
 def train(
-    run: Run,
+    run: Run | RunElsewhere,
     homes: Homes,
     planner: PlannerClient | None,
     interruption: Interruption,
     resume_from: Checkpoint | None = None,
     recording: Recording | None = None,
     demonstrator: MakeDemonstrator = think_and_obey,
+    workers: Workers = Lone(),
 ) -> Path:
     """Collect, learn, log, save, until the step budget is spent or the user interrupts; the last checkpoint's path.
 
     With a warm start, imitate first.
     recording: replies come from it, in its order, and `planner` is the one that it recorded. demonstrator: whom the
-    policy imitates in `config.warm_start`.
-    Raises TrainingDiverged, and Unavailable when the planner has been gone too long.
+    policy imitates in `config.warm_start`. workers: those that train this policy; each calls `train`, and the first
+    writes it down.
+    Raises TrainingDiverged, Unavailable when the planner has been gone too long, and WorkerLost.
     """
     config = run.config
-    session = open_session(config, homes, planner, resume_from, recording)
+    session = open_session(config, homes, planner, resume_from, recording, workers)
     log_planner(run, session)
     if resume_from is None:
         run.checkpoint(snapshot(session, config))
@@ -85,7 +95,7 @@ def train(
     started = time.monotonic()
     due = session.steps + config.checkpoint_every
     with progress_bar("training", config.total_steps, session.steps) as bar:
-        while session.steps < config.total_steps and not interruption.requested:
+        while session.steps < config.total_steps and not any_of(workers, interruption.requested):
             losses, transitions = improve(session, run)
             metrics = log_update(session, run, losses, transitions)
             bar.update(session.steps, f"success {metrics.get('success', 0):.2f}")
@@ -93,14 +103,15 @@ def train(
                 validate(session, run, homes, interruption)
                 run.checkpoint(snapshot(session, config))
                 due = session.steps + config.checkpoint_every
-            if config.max_minutes is not None and time.monotonic() - started >= 60 * config.max_minutes:
+            minutes = (time.monotonic() - started) / 60
+            if config.max_minutes is not None and any_of(workers, minutes >= config.max_minutes):
                 logger.info("max_minutes is over after %d steps", session.steps)
                 break
     return run.checkpoint(snapshot(session, config))
 
 
-def improve(session: Session, run: Run) -> tuple[dict[str, float], int]:
-    """Collect once and learn from it: the losses and the number of transitions. Raises TrainingDiverged."""
+def improve(session: Session, run: Run | RunElsewhere) -> tuple[dict[str, float], int]:
+    """Collect once and learn from it: the losses and this worker's number of transitions. Raises TrainingDiverged."""
     session.env.share = session.steps / run.config.total_steps
     try:
         rollout = session.collector.collect()
@@ -115,14 +126,17 @@ def improve(session: Session, run: Run) -> tuple[dict[str, float], int]:
     return losses, len(rollout)
 
 
-def imitate(session: Session, run: Run, make: MakeDemonstrator, interruption: Interruption) -> None:
+def imitate(session: Session, run: Run | RunElsewhere, make: MakeDemonstrator, interruption: Interruption) -> None:
     """The warm start: demonstrations and cloning in turn, then new episodes for PPO, and a checkpoint."""
     config = run.config
-    demonstrator = make(session.env, config.seed)
+    workers = session.workers
+    seed = seed_of(config.seed, workers.rank)
+    demonstrator = make(session.env, seed)
     shown = Demonstrations(session.env, session.actor, demonstrator, session.collector, config.ppo)
-    cloner = Cloner(session.learner.policy, config.warm_start, config.ppo, config.seed)
+    cloner = Cloner(session.learner.policy, config.warm_start, config.ppo, seed, workers)
     with progress_bar("imitating", config.warm_start.steps, session.steps) as bar:
-        while session.steps < min(config.warm_start.steps, config.total_steps) and not interruption.requested:
+        wanted = min(config.warm_start.steps, config.total_steps)
+        while session.steps < wanted and not any_of(workers, interruption.requested):
             rollout = shown.collect()
             with session.collector.stopwatch("learn"):
                 losses = cloner.update(rollout)
@@ -132,32 +146,44 @@ def imitate(session: Session, run: Run, make: MakeDemonstrator, interruption: In
     run.checkpoint(snapshot(session, config))
 
 
-def log_update(session: Session, run: Run, losses: dict[str, float], transitions: int) -> dict[str, float]:
-    """Count the steps of an update and write everything down about it; the metrics."""
-    session.steps += transitions
-    metrics, timing = summarize(session, losses, transitions)
-    run.log(session.steps, metrics, timing)
+def log_update(
+    session: Session, run: Run | RunElsewhere, losses: dict[str, float], transitions: int
+) -> dict[str, float]:
+    """Count the steps of an update, in all, and write everything down about it; the metrics."""
+    shares = session.workers.gather(share_of(session.collector, session.env, transitions))
+    together = sum(share.transitions for share in shares)
+    session.steps += together
+    metrics = summarize(shares) | {f"losses/{name}": value for name, value in losses.items()}
+    _warn_of_short_episodes(session, metrics, sum(share.recent for share in shares))
+    seconds = session.collector.stopwatch.take()
+    timing = {f"time/{name}": value for name, value in seconds.items()}
+    run.log(session.steps, metrics, timing | {"steps_per_s": together / sum(seconds.values())})
     run.log_thoughts(session.steps, session.collector.thoughts)
     run.log_texts(session.steps, session.env.texts)
     return metrics
 
 
-def validate(session: Session, run: Run, homes: Homes, interruption: Interruption) -> None:
-    """Play the validation episodes, if there are any, and keep the checkpoint if it is the best so far."""
+def validate(session: Session, run: Run | RunElsewhere, homes: Homes, interruption: Interruption) -> None:
+    """Play the validation episodes, if there are any, and keep the checkpoint if it is the best so far.
+
+    Workers deal them out among themselves.
+    """
     if not homes.validation:
         return
-    config, policy = run.config, session.learner.policy
-    records = evaluate(policy, config, homes.scenes, homes.validation, session.planner, interruption)
-    if interruption.requested:
+    config, policy, workers = run.config, session.learner.policy, session.workers
+    dealt = homes.validation[workers.rank :: workers.count]
+    records = evaluate(policy, config, homes.scenes, dealt, session.planner, interruption) if dealt else []
+    if any_of(workers, interruption.requested):
         return
-    measures = {name: float(np.mean([record.measures[name] for record in records])) for name in VALIDATED}
+    played = list(chain(*workers.gather([record.measures for record in records])))
+    measures = {name: float(np.mean([measure[name] for measure in played])) for name in VALIDATED}
     run.log_validation(session.steps, measures)
     if measures["spl"] > session.best:
         session.best = measures["spl"]
         run.keep_best(snapshot(session, config))
 
 
-def log_planner(run: Run, session: Session) -> None:
+def log_planner(run: Run | RunElsewhere, session: Session) -> None:
     """Who answers in this run, and how it embeds; that is what it takes to replay it."""
     if session.planner is not None:
         run.note_planner(session.planner.info)
@@ -170,34 +196,65 @@ def open_session(
     planner: PlannerClient | None,
     resume_from: Checkpoint | None = None,
     recording: Recording | None = None,
+    workers: Workers = Lone(),
 ) -> Session:
     """Build env, policy, learner and collector, and put them where a checkpoint left them. Raises CheckpointError or
     EmbeddingSpaceError.
     """
-    if config.threads:
-        torch.set_num_threads(config.threads)
-        set_render_threads(config.threads)
+    if threads := config.threads or workers.threads:
+        torch.set_num_threads(threads)
+        set_render_threads(threads)
     require_shared_space(config, planner)
     if resume_from is not None:
         resume_from.require(action_space(config), embedding_space(planner))
-    vector_env = ObjectNavVectorEnv(
-        homes.scenes, homes.train, config.num_envs, config.task, seed=config.seed, order="random"
-    )
+    seed = seed_of(config.seed, workers.rank, 0 if resume_from is None else resume_from.steps)
+    vector_env = ObjectNavVectorEnv(homes.scenes, homes.train, config.num_envs, config.task, seed=seed, order="random")
     env = ThinkingEnv(vector_env, config.think, planner, _asking(config, recording), config.ppo.gamma)
     torch.manual_seed(config.seed)
     policy = Policy(observation_shape(config, planner), config.network)
     if planner is not None and resume_from is None:
         centre, scale = centre_and_scale(env.embed(typical_sentences()))
         policy.scale_thoughts(torch.from_numpy(centre), scale)
-    actor = Actor(policy, config.num_envs, config.ppo.precision, config.seed)
-    session = Session(env, PPO(policy, config.ppo, config.seed), actor, Collector(env, actor, config.ppo), planner)
+    if workers.count > 1:
+        agree(workers, policy, planner)
+    actor = Actor(policy, config.num_envs, config.ppo.precision, seed)
+    learner = PPO(policy, config.ppo, seed, workers)
+    session = Session(env, learner, actor, Collector(env, actor, config.ppo, workers), planner, workers)
     if resume_from is not None:
-        policy.load_state_dict(resume_from.policy)
-        session.learner.load_state_dict(resume_from.state["learner"])
-        session.collector.load_state_dict(resume_from.state["collector"])
-        session.steps = resume_from.steps
-        session.best = resume_from.state["best"]
+        restore(session, resume_from)
     return session
+
+
+def agree(workers: Workers, policy: Policy, planner: PlannerClient | None) -> None:
+    """Give all workers the first one's weights: on another machine the same seed may have made others.
+
+    Raises EmbeddingSpaceError where they read thoughts of several spaces.
+    """
+    spaces = sorted(set(map(str, workers.gather(embedding_space(planner)))))
+    if len(spaces) > 1:
+        raise EmbeddingSpaceError(f"the workers' planners are of several embedding spaces: {', '.join(spaces)}")
+    policy.load_state_dict(workers.share(policy.state_dict))
+
+
+def restore(session: Session, checkpoint: Checkpoint) -> None:
+    """Put a session where a checkpoint left it.
+
+    A worker that the checkpoint does not know begins new episodes; the first counts as its own what those had counted
+    who are no more.
+    """
+    state, workers = checkpoint.state, session.workers
+    known = [{"collector": state["collector"], "order": state["learner"]["order"]}, *state.get("others", [])]
+    session.learner.policy.load_state_dict(checkpoint.policy)
+    if workers.rank < len(known):
+        session.learner.load_state_dict(state["learner"] | {"order": known[workers.rank]["order"]})
+        session.collector.load_state_dict(known[workers.rank]["collector"])
+    else:
+        session.learner.load_state_dict(state["learner"] | {"order": session.learner.state_dict()["order"]})
+    if workers.rank == 0:
+        for gone in known[workers.count :]:
+            session.collector.adopt_counts(gone["collector"])
+    session.steps = checkpoint.steps
+    session.best = state["best"]
 
 
 def _asking(config: TrainConfig, recording: Recording | None) -> Callable[[PlannerClient], Asking]:
@@ -237,7 +294,9 @@ def observation_shape(config: TrainConfig, planner: PlannerClient | None) -> Obs
 
 
 def snapshot(session: Session, config: TrainConfig) -> Checkpoint:
-    """All of a run at this moment."""
+    """All of a run at this moment, in the first worker's hands. All workers call it."""
+    learner, collector = session.learner.state_dict(), session.collector.state_dict()
+    states = session.workers.bring({"collector": collector, "order": learner["order"]})
     return Checkpoint(
         config=config.model_dump(mode="json"),
         action_space=action_space(config),
@@ -246,51 +305,22 @@ def snapshot(session: Session, config: TrainConfig) -> Checkpoint:
         steps=session.steps,
         policy=session.learner.policy.state_dict(),
         state={
-            "learner": session.learner.state_dict(),
-            "collector": session.collector.state_dict(),
+            "learner": learner,
+            "collector": collector,
+            "others": states[1:],
             "best": session.best,
         },
     )
 
 
-def summarize(
-    session: Session, losses: dict[str, float], transitions: int
-) -> tuple[dict[str, float], dict[str, float]]:
-    """Of one update: episodes' means over the most recent ones, losses, thoughts; and, apart, where the time went."""
-    metrics: dict[str, float] = episode_means(session.collector.recent)
-    metrics |= {f"losses/{name}": value for name, value in losses.items()}
-    metrics |= {f"thoughts/{name}": float(value) for name, value in vars(session.env.counts).items()}
-    metrics["episodes"] = session.collector.episodes_ended
-    _warn_of_short_episodes(session, metrics)
-    seconds = session.collector.stopwatch.take()
-    timing = {f"time/{name}": value for name, value in seconds.items()}
-    return metrics, timing | {"steps_per_s": transitions / sum(seconds.values())}
-
-
-def _warn_of_short_episodes(session: Session, metrics: dict[str, float]) -> None:
+def _warn_of_short_episodes(session: Session, metrics: dict[str, float], recent: int) -> None:
     """Once a run: a policy that stops at once earns nothing, and may never learn otherwise."""
     steps = metrics.get("episode_steps", math.inf)
-    full = len(session.collector.recent) == RECENT_EPISODES
+    full = recent == RECENT_EPISODES * session.workers.count
     if full and steps < SHORT_EPISODE_STEPS and not session.warned_of_short_episodes:
         session.warned_of_short_episodes = True
         logger.warning(
             "the last %d episodes lasted %.0f steps: the policy stops at once; if that goes on, see policy.stop_bias",
-            RECENT_EPISODES,
+            recent,
             steps,
         )
-
-
-def episode_means(episodes: Iterable[EpisodeEnd]) -> dict[str, float]:
-    """Means over episodes: measures by name, think_rate, reward terms as reward/<term>. Empty for none."""
-    ends = list(episodes)
-    if not ends:
-        return {}
-    rows: list[dict[str, Any]] = [
-        end.measures
-        | {"think_rate": end.measures["thinks"] / end.measures["steps"]}
-        | {f"reward/{name}": value for name, value in end.terms.items()}
-        for end in ends
-    ]
-    return {
-        ("episode_steps" if name == "steps" else name): float(np.mean([row[name] for row in rows])) for name in rows[0]
-    }

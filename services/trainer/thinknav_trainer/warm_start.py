@@ -14,6 +14,7 @@ from thinknav_sim.observations import Observations
 from thinknav_trainer.actor import Actor
 from thinknav_trainer.collector import Collector, timeout_bonus
 from thinknav_trainer.config import PPOConfig, WarmStartConfig
+from thinknav_trainer.data_parallel import average_gradients
 from thinknav_trainer.demonstrators import Demonstrator
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.precision import autocast
@@ -21,6 +22,7 @@ from thinknav_trainer.rollout import Rollout
 from thinknav_trainer.thinking import ThinkingEnv
 from thinknav_trainer.thoughts import Thought
 from thinknav_trainer.transitions import TransitionLog, Transitions
+from thinknav_trainer.workers import Lone, Workers
 
 
 class Demonstrations:
@@ -76,12 +78,15 @@ class Demonstrations:
 class Cloner:
     """Behaviour cloning on recurrent sequences, and the critic's regression to the demonstrator's returns."""
 
-    def __init__(self, policy: Policy, config: WarmStartConfig, ppo: PPOConfig, seed: int) -> None:
+    def __init__(
+        self, policy: Policy, config: WarmStartConfig, ppo: PPOConfig, seed: int, workers: Workers = Lone()
+    ) -> None:
         self._policy = policy
         self._config = config
         self._ppo = ppo
         self._optimizer = torch.optim.Adam(policy.parameters(), lr=config.lr, eps=ppo.adam_eps)
         self._order = np.random.default_rng((seed, 1))
+        self._workers = workers
 
     def update(self, rollout: Rollout) -> dict[str, float]:
         """Some epochs over a rollout; means of the losses, and how often the likeliest action was the right one."""
@@ -104,10 +109,15 @@ class Cloner:
                 value_loss = 0.5 * (values - rollout.returns[rows]).square().mean()
                 self._optimizer.zero_grad(set_to_none=True)
                 (cloning_loss + self._ppo.value_coef * value_loss).backward()  # type: ignore[no-untyped-call]
+                losses = {
+                    "cloning_loss": cloning_loss.item(),
+                    "value_loss": value_loss.item(),
+                    "cloning_accuracy": (logits.argmax(dim=1) == actions).float().mean().item(),
+                }
+                losses = average_gradients(self._policy.parameters(), losses, len(rows), self._workers)
                 torch.nn.utils.clip_grad_norm_(self._policy.parameters(), self._config.max_grad_norm)
                 self._optimizer.step()
-                sums["cloning_loss"] += cloning_loss.item()
-                sums["value_loss"] += value_loss.item()
-                sums["cloning_accuracy"] += (logits.argmax(dim=1) == actions).float().mean().item()
+                for name, value in losses.items():
+                    sums[name] += value
         batches = self._config.epochs * self._ppo.minibatches
         return {name: total / batches for name, total in sums.items()}

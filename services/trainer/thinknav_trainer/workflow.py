@@ -14,8 +14,10 @@ from thinknav_trainer.planner import PlannerClient, PlannerError, connect, read_
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.recording import Recording
 from thinknav_trainer.run import Run, RunError, list_checkpoints, newest_checkpoint, read_config
+from thinknav_trainer.run_elsewhere import RunElsewhere
 from thinknav_trainer.scenes import Homes, make_homes
 from thinknav_trainer.train import action_space, embedding_space, observation_shape, require_shared_space, train
+from thinknav_trainer.workers import Lone, Workers
 
 logger = logging.getLogger(__name__)
 
@@ -50,28 +52,45 @@ def train_run(
     resume: bool = False,
     homes: Homes | None = None,
     replay: Path | None = None,
+    workers: Workers = Lone(),
 ) -> Path:
     """Begin a run or go on with it; the path of its last checkpoint.
 
-    replay: the folder of a run whose recorded replies take the place of a planner.
+    replay: the folder of a run whose recorded replies take the place of a planner. workers: who trains together; only
+    the first needs the folder.
     """
-    start = None
+    if replay is not None and workers.count > 1:
+        raise ConfigError("--replay is for a run of one process")
     recording = None if replay is None or config.think.strategy == "never" else Recording(replay)
-    if resume:
-        _check_unchanged(read_config(folder), config)
-        # Killed before its first checkpoint, a run has nothing to go on from, and begins again.
-        start = newest_checkpoint(folder) if list_checkpoints(folder) else None
-    elif (folder / "config.yaml").exists():
-        raise RunError(f"{folder} holds a run already; go on with --resume, or give another --name")
+    start = workers.share(lambda: _start(folder, config, resume))
     with ExitStack() as stack:
         planner = connect_if_thinking(config, stack) if recording is None else recording.planner()
         if start is not None:
             start.require(action_space(config), embedding_space(planner))
         homes = homes or make_homes(config)
         logger.info("%d training and %d held-out episodes", len(homes.train), len(homes.held_out))
-        run = Run(folder, config, 0 if start is None else start.steps) if resume else Run.create(folder, config)
+        run = _open_run(folder, config, resume, start, workers)
         stack.callback(run.close)
-        return train(run, homes, planner, interrupted, start, recording)
+        return train(run, homes, planner, interrupted, start, recording, workers=workers)
+
+
+def _start(folder: Path, config: TrainConfig, resume: bool) -> Checkpoint | None:
+    """Where a run goes on from. Raises RunError or ConfigError where the folder is not for it."""
+    if resume:
+        _check_unchanged(read_config(folder), config)
+        # Killed before its first checkpoint, a run has nothing to go on from, and begins again.
+        return newest_checkpoint(folder) if list_checkpoints(folder) else None
+    if (folder / "config.yaml").exists():
+        raise RunError(f"{folder} holds a run already; go on with --resume, or give another --name")
+    return None
+
+
+def _open_run(
+    folder: Path, config: TrainConfig, resume: bool, start: Checkpoint | None, workers: Workers
+) -> Run | RunElsewhere:
+    if workers.rank > 0:
+        return RunElsewhere(folder, config, workers.rank)
+    return Run(folder, config, 0 if start is None else start.steps) if resume else Run.create(folder, config)
 
 
 def _check_unchanged(before: TrainConfig, now: TrainConfig) -> None:
