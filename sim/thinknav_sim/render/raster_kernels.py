@@ -13,7 +13,7 @@ from thinknav_sim.render import raster_setup as row
 from thinknav_sim.render.native_call import array_at
 from thinknav_sim.render.raster_clusters import CLUSTER
 from thinknav_sim.render.raster_setup import View, Window, prepare_cluster, to_camera
-from thinknav_sim.render.raster_shading import Planes, shade, write_plane
+from thinknav_sim.render.raster_shading import DepthScale, Planes, shade, write_plane
 
 # Pixels a side of the squares whose farthest pixel is remembered: what lies behind all of a square's is not drawn.
 TILE = 8
@@ -238,6 +238,7 @@ def draw_views(
     scenes: NDArray[np.int64],
     poses: NDArray[np.float64],
     camera: tuple[float, float],
+    depth_scale: DepthScale,
     bands: int,
     keys: NDArray[np.int64],
     planes: Planes,
@@ -276,4 +277,12 @@ def draw_views(
             scene = _scene_at(scenes[index])
             own_keys = keys[thread, : bottom - top]
             _draw_rows(scene, view, window, own_keys, own_planes)
-            shade(own_keys, top, own_planes, (scene[5], scene[6]), rgb[index, top:bottom], depth[index, top:bottom])
+            shade(
+                own_keys,
+                top,
+                own_planes,
+                (scene[5], scene[6]),
+                depth_scale,
+                rgb[index, top:bottom],
+                depth[index, top:bottom],
+            )
