@@ -1,7 +1,7 @@
 """The renderer for CPUs that draws triangles instead of casting rays: a z-buffer, by compiled loops.
 
-Homes are made of few, large triangles, and a row of one's pixels takes a few instructions where each ray takes
-hundreds. Another renderer casts rays, and draws the scenes of so many triangles that most are smaller than a pixel.
+A row of a triangle's pixels takes a few instructions where each ray takes hundreds. Another renderer casts rays, and
+draws the scenes of so many triangles that most are smaller than a pixel.
 Knows nothing of tasks. Threads are numba's.
 """
 
@@ -24,7 +24,7 @@ from thinknav_sim.render.threads import PARALLEL_REGION
 from thinknav_sim.scene import Scene
 
 # Scenes of more triangles are drawn by casting rays, which takes less time from about here on.
-MAX_TRIANGLES = 50_000
+MAX_TRIANGLES = 1_000_000
 
 
 class _Clustered:

@@ -38,6 +38,9 @@ def write_plane(
                 + second * prepared[row.LINE + 3 + term, column]
                 + third * prepared[row.LINE + 6 + term, column]
             )
+    # A place on a texture has two; what memory held for the third may be denormal, and then every pixel is slow.
+    for unused in range(channels, 3):
+        plane[unused] = plane[3 + unused] = plane[6 + unused] = 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
