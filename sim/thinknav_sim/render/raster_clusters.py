@@ -22,7 +22,7 @@ _LONG_M = 1.0
 class Clusters(NamedTuple):
     """K clusters of CLUSTER triangles each; the last places of a cluster may be empty: triangles of no area.
 
-    blocks: (K / BLOCK rounded up, 6) float32, the low and the high corner of each BLOCK clusters that follow each other.
+    blocks: (K / BLOCK rounded up, 6) float32, the low and the high corner of each BLOCK clusters in a row.
     boxes: (K, 6) float32, the same of each cluster.
     corners: (K, 9, CLUSTER) float32, x, y, z of corner 0, then of 1 and 2, of each triangle.
     colors: (K * CLUSTER, 9) uint8, red, green, blue of corner 0, then of 1 and 2.

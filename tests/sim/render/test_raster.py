@@ -169,7 +169,7 @@ def test_blocks_of_clusters_lose_nothing_in_sight(drawing: RasterRenderer, oracl
         renderer.remove_scene(scene_id)
     off = np.abs(pictures[0][1] - pictures[1][1]) > 1e-4
     assert off.mean() < 2e-3
-    assert (pictures[1][1] > 0).mean() > 0.5
+    assert (pictures[1][1] > 0).mean() > 0.2
 
 
 def test_what_memory_held_before_slows_no_textures() -> None:
