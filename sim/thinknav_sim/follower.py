@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from thinknav_sim.navigation import distances_at
 from thinknav_sim.navigation.descent import turns_towards_goal
-from thinknav_sim.navigation.kinematics import move_forward, wrap
+from thinknav_sim.navigation.kinematics import advance
 from thinknav_sim.success import at_viewpoint
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
@@ -40,12 +40,19 @@ class ShortestPathFollower:
             action = self._action(pose[0], episode_index)
             if action == Action.STOP:
                 return steps
-            if action == Action.MOVE_FORWARD:
-                length, sliding = config.forward_step, config.allow_sliding
-                alone = np.zeros(1, np.int64)
-                move_forward(world.grids, scene, pose, alone, length, sliding, np.zeros(1), np.zeros(1, np.bool_))
-            else:
-                pose[0, 3] = wrap(pose[0, 3] + (self._turn if action == Action.TURN_LEFT else -self._turn))
+            turn = {Action.TURN_LEFT: self._turn, Action.TURN_RIGHT: -self._turn}.get(action, 0.0)
+            length = config.forward_step if action == Action.MOVE_FORWARD else 0.0
+            advance(
+                world.grids,
+                scene,
+                pose,
+                np.zeros(1, np.int64),
+                np.array([turn]),
+                np.array([length]),
+                config.allow_sliding,
+                np.zeros(1),
+                np.zeros(1, np.int64),
+            )
         return config.max_steps
 
     def _action(self, pose: NDArray[np.float64], episode_index: int) -> Action:

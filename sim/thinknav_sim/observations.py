@@ -35,29 +35,22 @@ def observation_space(config: ObjectNavConfig) -> spaces.Dict:
     )
 
 
-def normalize_depth(depth: NDArray[np.float32], config: ObjectNavConfig) -> None:
-    """Metres to 0..1, clipped to the sensor's range, in place. Nothing hit reads 0 m, hence 0.
-
-    depth: contiguous, of any shape.
-    """
-    _clip_and_scale(depth.reshape(-1), np.float32(config.min_depth), np.float32(config.max_depth))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _clip_and_scale(values, low, high):  # type: ignore[no-untyped-def]
-    """One pass: as three of NumPy's it was most of what a step costs besides drawing."""
-    for index in range(len(values)):
-        values[index] = (min(max(values[index], low), high) - low) / (high - low)
-
-
+@njit(cache=True)
 def gps(poses: NDArray[np.float64], starts: NDArray[np.float64]) -> NDArray[np.float32]:
     """Displacement in the start frame: (N, 2) [-z, x] from poses and starts, both (N, 4)."""
-    dx, dz = poses[:, 0] - starts[:, 0], poses[:, 2] - starts[:, 2]
-    sine, cosine = np.sin(starts[:, 3]), np.cos(starts[:, 3])
-    return np.stack([-sine * dx - cosine * dz, cosine * dx - sine * dz], axis=1).astype(np.float32)
+    local = np.empty((len(poses), 2), np.float32)
+    for row in range(len(poses)):
+        dx, dz = poses[row, 0] - starts[row, 0], poses[row, 2] - starts[row, 2]
+        sine, cosine = math.sin(starts[row, 3]), math.cos(starts[row, 3])
+        local[row, 0] = -sine * dx - cosine * dz
+        local[row, 1] = cosine * dx - sine * dz
+    return local
 
 
+@njit(cache=True)
 def compass(poses: NDArray[np.float64], starts: NDArray[np.float64]) -> NDArray[np.float32]:
     """Heading since the start: (N, 1) radians from poses and starts, both (N, 4)."""
-    turned: NDArray[np.float64] = wrap(poses[:, 3:] - starts[:, 3:])
-    return turned.astype(np.float32)
+    turned = np.empty((len(poses), 1), np.float32)
+    for row in range(len(poses)):
+        turned[row, 0] = wrap(poses[row, 3] - starts[row, 3])
+    return turned

@@ -49,7 +49,7 @@ class ObjectNavConfig(BaseModel):
     success_reward: float = Field(2.5, ge=0.0, description="reward for success")
     slack_reward: float = Field(-1e-3, le=0.0, description="reward for every step")
     min_depth: float = Field(0.5, ge=0.0, description="depth that reads 0, metres")
-    max_depth: float = Field(5.0, gt=0.0, description="depth that reads 1, metres")
+    max_depth: float = Field(5.0, gt=0.0, allow_inf_nan=False, description="depth that reads 1, metres")
     think_action: bool = Field(False, description="whether THINK is in the action space")
 
     @model_validator(mode="after")

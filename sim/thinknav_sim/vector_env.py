@@ -18,15 +18,29 @@ from thinknav_sim import metrics
 from thinknav_sim.agents import AgentStates
 from thinknav_sim.episodes import Episode
 from thinknav_sim.navigation import NavigationGrid
-from thinknav_sim.navigation.kinematics import move_forward, wrap
+from thinknav_sim.navigation.kinematics import advance
 from thinknav_sim.navigation.tables import distances_to_goal
 from thinknav_sim.objectnav import ObjectNavWorld
-from thinknav_sim.observations import Observations, compass, gps, normalize_depth, observation_space
+from thinknav_sim.observations import Observations, compass, gps, observation_space
 from thinknav_sim.render import Camera, make_renderer
 from thinknav_sim.scene import Scene
 from thinknav_sim.task_config import Action, ObjectNavConfig
 
 StepResult = tuple[Observations, NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]
+
+# What is told of an episode that ended.
+_SUMMARY: dict[str, type[np.generic]] = {
+    "success": np.bool_,
+    "spl": np.float64,
+    "soft_spl": np.float64,
+    "distance_to_goal": np.float64,
+    "steps": np.int64,
+    "thinks": np.int64,
+    "path_length": np.float64,
+    "shortest_path_length": np.float64,
+    "collisions": np.int64,
+    "timed_out": np.bool_,
+}
 
 
 class _Viewpoints(NamedTuple):
@@ -89,13 +103,19 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
         self.single_action_space = Discrete(self.config.num_actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._camera = Camera(self.config.width, self.config.height, self.config.hfov, self.config.camera_height)
+        self._camera = Camera(
+            self.config.width,
+            self.config.height,
+            self.config.hfov,
+            self.config.camera_height,
+            (self.config.min_depth, self.config.max_depth),
+        )
         self._turns = np.zeros(len(Action))
         self._turns[[Action.TURN_LEFT, Action.TURN_RIGHT]] = np.radians([1, -1]) * self.config.turn_angle
+        self._lengths = np.zeros(len(Action))
+        self._lengths[Action.MOVE_FORWARD] = self.config.forward_step
         self._seed = seed
         self._states = AgentStates.zeros(num_envs)
-        self._moved = np.zeros(num_envs)
-        self._blocked = np.zeros(num_envs, np.bool_)
 
     # Stepping
 
@@ -155,29 +175,32 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
         if agents.ndim != 1 or acts.shape != agents.shape:
             raise ValueError(f"{agents.shape} env indices do not go with actions of shape {acts.shape}")
         for name, array, size in (("env index", agents, self.num_envs), ("action", acts, self.config.num_actions)):
-            if array.size and not np.issubdtype(array.dtype, np.integer):
+            if not array.size:
+                continue
+            if array.dtype.kind not in "iu":
                 raise ValueError(f"an {name} must be an integer, not {array.dtype}")
-            wrong = array[(array < 0) | (array >= size)]
-            if wrong.size:
-                raise ValueError(f"{name} {wrong[0]} is not one of 0..{size - 1}")
-        if len(np.unique(agents)) != len(agents):
+            if array.min() < 0 or array.max() >= size:
+                raise ValueError(f"{name} {array[(array < 0) | (array >= size)][0]} is not one of 0..{size - 1}")
+        if agents.size and np.bincount(agents.astype(np.int64)).max() > 1:
             raise ValueError(f"env indices {agents.tolist()} name an env twice")
         if agents.size and not self._states.draws[agents].all():
             raise ResetNeeded("call reset() before step()")
         return agents.astype(np.int64), acts.astype(np.int64)
 
     def _move(self, agents: NDArray[np.int64], acts: NDArray[np.int64]) -> None:
-        states, world = self._states, self.world
-        turns = self._turns[acts]
-        turning, walking = agents[turns != 0], agents[acts == Action.MOVE_FORWARD]
-        states.poses[turning, 3] = wrap(states.poses[turning, 3] + turns[turns != 0])
-        if walking.size:
-            scenes = world.table.scene[states.episodes]
-            length, sliding = self.config.forward_step, self.config.allow_sliding
-            move_forward(world.grids, scenes, states.poses, walking, length, sliding, self._moved, self._blocked)
-            states.path_length[walking] += self._moved[walking]
-            states.collisions[walking] += self._blocked[walking]
-            self._measure(walking)
+        states = self._states
+        advance(
+            self.world.grids,
+            self.world.table.scene[states.episodes],
+            states.poses,
+            agents,
+            self._turns[acts],
+            self._lengths[acts],
+            self.config.allow_sliding,
+            states.path_length,
+            states.collisions,
+        )
+        self._measure(agents)
 
     def _measure(self, agents: NDArray[np.int64]) -> None:
         states, world = self._states, self.world
@@ -201,6 +224,8 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
         success: NDArray[np.bool_],
         truncated: NDArray[np.bool_],
     ) -> dict[str, NDArray[Any]]:
+        if not ended.any():
+            return {name: np.zeros(len(agents), kind) for name, kind in _SUMMARY.items()}
         states = self._states
         distance, shortest = states.distance[agents], states.shortest[agents]
         travelled = states.path_length[agents]
@@ -261,7 +286,6 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
 
     def _observe(self, views: _Viewpoints) -> Observations:
         rgb, depth = self.world.renderer.render(views.scene_ids, views.poses, self._camera)
-        normalize_depth(depth, self.config)
         return {
             "rgb": rgb,
             "depth": depth,

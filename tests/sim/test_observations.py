@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from thinknav_sim.observations import compass, gps, normalize_depth, observation_space
+from thinknav_sim.observations import compass, gps, observation_space
 from thinknav_sim.task_config import ObjectNavConfig
 
 
@@ -38,20 +38,6 @@ def test_gps(heading: float, moved: tuple[float, float], expected: tuple[float, 
 def test_compass(start: float, now: float, expected: float) -> None:
     turned = compass(np.array([[0.0, 0.0, 0.0, now]]), np.array([[5.0, 0.0, 1.0, start]]))
     np.testing.assert_allclose(turned, [[expected]], atol=1e-4)
-
-
-def test_depth() -> None:
-    depth = np.array([0.0, 0.3, 0.5, 2.75, 5.0, 9.0], np.float32).reshape(2, 3, 1)
-    normalize_depth(depth, ObjectNavConfig(min_depth=0.5, max_depth=5.0))
-    np.testing.assert_allclose(depth.ravel(), [0.0, 0.0, 0.0, 0.5, 1.0, 1.0])
-    assert depth.dtype == np.float32
-
-
-def test_depth_stays_within_its_space() -> None:
-    depth = np.linspace(0.0, 11.0, 10_001, dtype=np.float32)
-    normalize_depth(depth, ObjectNavConfig(min_depth=0.1, max_depth=10.0))
-    assert depth.min() == 0.0
-    assert depth.max() == 1.0
 
 
 def test_the_space_has_the_configured_size() -> None:

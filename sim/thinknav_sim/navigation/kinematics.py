@@ -49,18 +49,25 @@ def walk(grids, scene, x, z, heading, length, sliding):  # type: ignore[no-untyp
 
 
 @njit(cache=True)
-def move_forward(grids, scenes, poses, agents, length, sliding, moved, blocked):  # type: ignore[no-untyped-def]
-    """Walk the named agents forward, in place.
+def advance(grids, scenes, poses, agents, turns, lengths, sliding, path_lengths, collisions):  # type: ignore[no-untyped-def]
+    """Turn the named agents, or walk them forward, in place, and count how far they came and who was blocked.
 
-    grids: GridTable. scenes: (N,) int64. poses: (N, 4) float64, changed. agents: (n,) int64, who walks.
-    length: metres. sliding: bool. moved: (N,) float64, set to the distance covered. blocked: (N,) bool, set likewise.
+    grids: GridTable. scenes: (N,) int64. poses: (N, 4) float64, changed. agents: (n,) int64, who acts. turns: (n,)
+    radians. lengths: (n,) metres, 0 for who does not walk. sliding: bool. path_lengths: (N,) float64 and collisions:
+    (N,) int64, added to.
     """
-    for agent in agents:
+    for row in range(len(agents)):
+        agent = agents[row]
+        if turns[row] != 0:
+            poses[agent, 3] = wrap(poses[agent, 3] + turns[row])
+        if lengths[row] == 0:
+            continue
         scene = scenes[agent]
         x, y, z = poses[agent, 0], poses[agent, 1], poses[agent, 2]
-        new_x, new_z, blocked[agent] = walk(grids, scene, x, z, poses[agent, 3], length, sliding)
+        new_x, new_z, blocked = walk(grids, scene, x, z, poses[agent, 3], lengths[row], sliding)
         # A start may come from elsewhere and stand a little off the grid: then it keeps its height.
         cell = cell_at(grids, scene, new_x, new_z)
         new_y = float(grids.floor[cell]) if cell >= 0 and grids.navigable[cell] else y
         poses[agent, 0], poses[agent, 1], poses[agent, 2] = new_x, new_y, new_z
-        moved[agent] = math.sqrt((new_x - x) ** 2 + (new_y - y) ** 2 + (new_z - z) ** 2)
+        path_lengths[agent] += math.sqrt((new_x - x) ** 2 + (new_y - y) ** 2 + (new_z - z) ** 2)
+        collisions[agent] += blocked

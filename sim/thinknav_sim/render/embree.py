@@ -100,6 +100,7 @@ class EmbreeRenderer:
                 scenes,
                 places,
                 lens,
+                camera.depth_scale,
                 packets,
                 rgb,
                 depth,

@@ -33,6 +33,8 @@ Channel = tuple[np.float32, np.float32, np.float32]
 # What the triangles of a scene look like: corner colours (T, 3, 3) uint8; corner texture coordinates (T, 3, 2) float32
 # and textures (T,) int32, both empty where nothing is textured; see `textures.pack_textures` for the rest.
 Surface = tuple[NDArray[np.uint8], NDArray[np.float32], NDArray[np.int32], NDArray[np.int64], NDArray[np.uint8]]
+# Low, high, span: see `Camera.depth_scale`.
+DepthScale = tuple[np.float32, np.float32, np.float32]
 
 
 def surface_row(surface: Surface) -> list[int]:
@@ -96,6 +98,13 @@ def _texel_address(size: NDArray[np.int64], across: Channel, down: Channel, u: n
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def _on_scale(metres: np.float32, depth_scale: DepthScale) -> np.float32:
+    low, high, span = depth_scale
+    reading: np.float32 = (min(max(metres, low), high) - low) / span
+    return reading
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def _surface_at(row: NDArray[np.int64]) -> Surface:
     """The arrays of a scene, from its row of `draw_views`."""
     return (
@@ -136,6 +145,7 @@ def _shade(
     packet: NDArray[np.int32],
     surface: Surface,
     corner: tuple[int, int],
+    depth_scale: DepthScale,
     rgb: NDArray[np.uint8],
     depth: NDArray[np.float32],
 ) -> None:
@@ -151,10 +161,10 @@ def _shade(
             lane = row * tile_width + column
             y, x = top + row, left + column
             if packet[_GEOMETRY, lane] == _NO_GEOMETRY:
-                depth[y, x, 0] = NOTHING_DEPTH
+                depth[y, x, 0] = _on_scale(np.float32(NOTHING_DEPTH), depth_scale)
                 rgb[y, x, 0] = rgb[y, x, 1] = rgb[y, x, 2] = 0
                 continue
-            depth[y, x, 0] = rays[_FAR, lane]
+            depth[y, x, 0] = _on_scale(rays[_FAR, lane], depth_scale)
             # Neighbours mostly see the same triangle: its colours stay in registers.
             if packet[_TRIANGLE, lane] != shaded:
                 shaded = packet[_TRIANGLE, lane]
@@ -181,6 +191,7 @@ def _draw_block(
     surface: Surface,
     pose: NDArray[np.float64],
     camera: tuple[float, float],
+    depth_scale: DepthScale,
     packet: NDArray[np.int32],
     corner: tuple[int, int],
     rgb: NDArray[np.uint8],
@@ -210,7 +221,7 @@ def _draw_block(
                 rays[_FAR, lane] = np.inf
                 packet[_GEOMETRY, lane] = _NO_GEOMETRY
             intersect_packet(intersect, valid, scene, address, arguments)
-            _shade(packet, surface, (top, left), rgb, depth)
+            _shade(packet, surface, (top, left), depth_scale, rgb, depth)
 
 
 @njit(cache=True, parallel=True, nogil=True, error_model="numpy")
@@ -220,6 +231,7 @@ def draw_views(
     scenes: NDArray[np.int64],
     poses: NDArray[np.float64],
     camera: tuple[float, float],
+    depth_scale: DepthScale,
     packets: NDArray[np.int32],
     rgb: NDArray[np.uint8],
     depth: NDArray[np.float32],
@@ -246,6 +258,7 @@ def draw_views(
                 _surface_at(scenes[view]),
                 poses[view],
                 camera,
+                depth_scale,
                 packets[thread],
                 corner,
                 rgb[view],

@@ -90,7 +90,8 @@ class Open3DRenderer:
         for scene_id, scene in scenes.items():
             views = np.flatnonzero(ids == scene_id)
             rgb[views], depth[views] = self._draw(scene, _camera_rays(places[views], camera))
-        return rgb, depth
+        low, high, span = camera.depth_scale
+        return rgb, (np.clip(depth, low, high) - low) / span
 
     def cast(self, scene_id: int, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Hits:
         """See `Renderer.cast`."""

@@ -1,7 +1,7 @@
 """The renderer for CPUs that draws triangles instead of casting rays: a z-buffer, by compiled loops.
 
-Homes are made of few, large triangles, and a row of one's pixels takes a few instructions where each ray takes
-hundreds. Another renderer casts rays, and draws the scenes of so many triangles that most are smaller than a pixel.
+A row of a triangle's pixels takes a few instructions where each ray takes hundreds. Another renderer casts rays, and
+draws the scenes of so many triangles that most are smaller than a pixel.
 Knows nothing of tasks. Threads are numba's.
 """
 
@@ -24,7 +24,7 @@ from thinknav_sim.render.threads import PARALLEL_REGION
 from thinknav_sim.scene import Scene
 
 # Scenes of more triangles are drawn by casting rays, which takes less time from about here on.
-MAX_TRIANGLES = 50_000
+MAX_TRIANGLES = 1_000_000
 
 
 class _Clustered:
@@ -36,8 +36,18 @@ class _Clustered:
         self.is_large = len(scene.triangles) > MAX_TRIANGLES
 
     @functools.cached_property
-    def clusters(self) -> Clusters:
+    def _clusters(self) -> Clusters:
         return cluster(self._scene)
+
+    @functools.cached_property
+    def kernel_row(self) -> list[int]:
+        """What `draw_views` takes, asked for once a view."""
+        return self._clusters.kernel_row
+
+    @functools.cached_property
+    def triangles(self) -> int:
+        """How many numbers triangles have, empty places of clusters included."""
+        return len(self._clusters.colors)
 
     @functools.cached_property
     def caster_id(self) -> int:
@@ -87,7 +97,7 @@ class RasterRenderer:
         rgb = self._memory.empty((len(ids), camera.height, camera.width, 3), np.uint8)
         depth = self._memory.empty((len(ids), camera.height, camera.width, 1), np.float32)
         if scenes:
-            self._draw([scene.clusters for scene in scenes], places, camera, rgb, depth)
+            self._draw(scenes, places, camera, rgb, depth)
         return rgb, depth
 
     def cast(self, scene_id: int, origins: NDArray[np.float32], directions: NDArray[np.float32]) -> Hits:
@@ -130,21 +140,22 @@ class RasterRenderer:
 
     def _draw(
         self,
-        scenes: list[Clusters],
+        scenes: list[_Clustered],
         poses: NDArray[np.float64],
         camera: Camera,
         rgb: NDArray[np.uint8],
         depth: NDArray[np.float32],
     ) -> None:
-        rows = np.array([clusters.kernel_row for clusters in scenes], np.int64)
+        rows = np.array([scene.kernel_row for scene in scenes], np.int64)
         threads = numba.get_num_threads()
         # Where there are fewer views than threads, several share a view.
         bands = min(-(-threads // len(scenes)), camera.height)
-        places = max(len(clusters.colors) for clusters in scenes)
+        places = max(scene.triangles for scene in scenes)
         self._make_room((threads, -(-camera.height // bands), camera.width + SPAN), places)
         lens = (1 / camera.focal_length, float(camera.elevation))
         with PARALLEL_REGION:
-            draw_views(rows, poses, lens, bands, self._keys, self._planes, rgb, depth.reshape(rgb.shape[:3]))
+            flat = depth.reshape(rgb.shape[:3])
+            draw_views(rows, poses, lens, camera.depth_scale, bands, self._keys, self._planes, rgb, flat)
 
     def _make_room(self, shape: tuple[int, int, int], places: int) -> None:
         """Scratch memory for keys of a shape and the planes of so many triangles, kept from call to call."""

@@ -13,6 +13,8 @@ from thinknav_sim.scene import Scene
 
 # Triangles in a cluster. Fewer are culled more sharply, and cost more to look at.
 CLUSTER = 32
+# Clusters in a block. They lie together: most blocks are out of the picture, and so are their clusters.
+BLOCK = 16
 # Triangles with a longer side, metres, make clusters of their own: they would blow up the boxes of small ones.
 _LONG_M = 1.0
 
@@ -20,13 +22,15 @@ _LONG_M = 1.0
 class Clusters(NamedTuple):
     """K clusters of CLUSTER triangles each; the last places of a cluster may be empty: triangles of no area.
 
-    boxes: (K, 6) float32, the low and the high corner of each cluster.
+    blocks: (K / BLOCK rounded up, 6) float32, the low and the high corner of each BLOCK clusters in a row.
+    boxes: (K, 6) float32, the same of each cluster.
     corners: (K, 9, CLUSTER) float32, x, y, z of corner 0, then of 1 and 2, of each triangle.
     colors: (K * CLUSTER, 9) uint8, red, green, blue of corner 0, then of 1 and 2.
     corner_uv: (K * CLUSTER, 6) float32, places on the texture. triangle_textures: (K * CLUSTER,) int32, row of `sizes`
     or -1. sizes, texels: see `PackedTextures`. The last four are empty where nothing is textured.
     """
 
+    blocks: NDArray[np.float32]
     boxes: NDArray[np.float32]
     corners: NDArray[np.float32]
     colors: NDArray[np.uint8]
@@ -49,10 +53,13 @@ def cluster(scene: Scene) -> Clusters:
     chosen = corners[places] * filled[..., None, None].astype(np.float32)
     low = np.where(filled[..., None], corners.min(axis=1)[places], np.inf).min(axis=1)
     high = np.where(filled[..., None], corners.max(axis=1)[places], -np.inf).max(axis=1)
+    starts = np.arange(0, len(places), BLOCK)
+    block_low, block_high = np.minimum.reduceat(low, starts), np.maximum.reduceat(high, starts)
     flat = places.ravel()
     packed = pack_textures(scene)
     textured = len(packed.sizes) > 0
     return Clusters(
+        blocks=np.concatenate([block_low, block_high], axis=1).astype(np.float32),
         boxes=np.concatenate([low, high], axis=1).astype(np.float32),
         corners=np.ascontiguousarray(chosen.reshape(len(places), CLUSTER, 9).transpose(0, 2, 1)),
         colors=scene.colors[scene.triangles[flat]].reshape(-1, 9),

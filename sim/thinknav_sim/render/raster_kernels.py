@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 
 from thinknav_sim.render import raster_setup as row
 from thinknav_sim.render.native_call import array_at
-from thinknav_sim.render.raster_clusters import CLUSTER
+from thinknav_sim.render.raster_clusters import BLOCK, CLUSTER
 from thinknav_sim.render.raster_setup import View, Window, prepare_cluster, to_camera
-from thinknav_sim.render.raster_shading import Planes, shade, write_plane
+from thinknav_sim.render.raster_shading import DepthScale, Planes, shade, write_plane
 
 # Pixels a side of the squares whose farthest pixel is remembered: what lies behind all of a square's is not drawn.
 TILE = 8
@@ -28,6 +28,7 @@ _DEPTH_MARGIN = 1e-5
 
 # The arrays of `Clusters`.
 RasterScene = tuple[
+    NDArray[np.float32],
     NDArray[np.float32],
     NDArray[np.float32],
     NDArray[np.uint8],
@@ -47,13 +48,22 @@ def _key(inverse_depth: float, number: int) -> int:
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _box_on_picture(box: NDArray[np.float32], view: View, window: Window, rectangle: NDArray[np.int64]) -> float:
-    """How far ahead a box begins, metres, or -1 where it is not in the picture. rectangle: the pixels it may cover."""
-    left, right, nearest, farthest = np.inf, -np.inf, np.inf, -np.inf
+def _box_in_sight(box: NDArray[np.float32], view: View, window: Window) -> tuple[float, float]:
+    """How far ahead a box begins and ends, metres; an end below 0 where it is to a side of the picture."""
+    left_slope, right_slope = (window[0] - 1 - view[6]) * view[5], (window[1] + 1 - view[6]) * view[5]
+    nearest, farthest, within_left, within_right = np.inf, -np.inf, -np.inf, -np.inf
     for corner in range(4):
         x, _, ahead = to_camera(view, box[3 * (corner & 1)], 0.0, box[2 + 3 * (corner >> 1)])
         nearest, farthest = min(nearest, ahead), max(farthest, ahead)
-        left, right = min(left, x / ahead), max(right, x / ahead)
+        within_left = max(within_left, x - left_slope * ahead)
+        within_right = max(within_right, right_slope * ahead - x)
+    return nearest, farthest if within_left >= 0 and within_right >= 0 else -1.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _box_on_picture(box: NDArray[np.float32], view: View, window: Window, rectangle: NDArray[np.int64]) -> float:
+    """How far ahead a box begins, metres, or -1 where it is not in the picture. rectangle: the pixels it may cover."""
+    nearest, farthest = _box_in_sight(box, view, window)
     if farthest <= 0:
         return -1.0
     if nearest < _TOO_NEAR:
@@ -61,10 +71,16 @@ def _box_on_picture(box: NDArray[np.float32], view: View, window: Window, rectan
             rectangle[side] = int(window[side])
         return 0.0
     low, high = box[1] - view[1], box[4] - view[1]
-    left, right = left / view[5] + view[6] - 1, right / view[5] + view[6] + 1
     top = view[7] - max(high / nearest, high / farthest) / view[5] - 1
     bottom = view[7] - min(low / nearest, low / farthest) / view[5] + 1
-    if left > window[1] or right < window[0] or top > window[3] or bottom < window[2]:
+    if top > window[3] or bottom < window[2]:
+        return -1.0
+    left, right = np.inf, -np.inf
+    for corner in range(4):
+        x, _, ahead = to_camera(view, box[3 * (corner & 1)], 0.0, box[2 + 3 * (corner >> 1)])
+        left, right = min(left, x / ahead), max(right, x / ahead)
+    left, right = left / view[5] + view[6] - 1, right / view[5] + view[6] + 1
+    if left > window[1] or right < window[0]:
         return -1.0
     rectangle[0], rectangle[1] = int(max(left, window[0])), int(min(right, window[1]))
     rectangle[2], rectangle[3] = int(max(top, window[2])), int(min(bottom, window[3]))
@@ -142,6 +158,7 @@ def _draw_triangle(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def visible_clusters(
+    blocks: NDArray[np.float32],
     boxes: NDArray[np.float32],
     view: View,
     window: Window,
@@ -153,11 +170,14 @@ def visible_clusters(
     """
     chosen, ahead = np.empty(len(boxes), np.int64), np.empty(len(boxes), np.float64)
     count = 0
-    for cluster in range(len(boxes)):
-        nearest = _box_on_picture(boxes[cluster], view, window, rectangles[cluster])
-        if nearest >= 0:
-            chosen[count], ahead[count] = cluster, nearest
-            count += 1
+    for block in range(len(blocks)):
+        if _box_in_sight(blocks[block], view, window)[1] <= 0:
+            continue
+        for cluster in range(BLOCK * block, min(BLOCK * block + BLOCK, len(boxes))):
+            nearest = _box_on_picture(boxes[cluster], view, window, rectangles[cluster])
+            if nearest >= 0:
+                chosen[count], ahead[count] = cluster, nearest
+                count += 1
     order = np.argsort(ahead[:count], kind="mergesort")
     return chosen[:count][order], ahead[:count][order]
 
@@ -174,7 +194,7 @@ def _draw_rows(
 
     Number 0 is nothing's: its plane is black.
     """
-    boxes, corners, colors, corner_uv, triangle_textures, sizes, _ = clusters
+    blocks, boxes, corners, colors, corner_uv, triangle_textures, sizes, _ = clusters
     keys[:] = 0
     planes[0][0] = 0
     planes[1][0] = -1
@@ -182,7 +202,7 @@ def _draw_rows(
     farthest = np.zeros(((keys.shape[0] + TILE - 1) // TILE, (keys.shape[1] - SPAN + TILE - 1) // TILE), np.int64)
     rectangles = np.empty((len(boxes), 4), np.int64)
     prepared = np.empty((row.ROWS, CLUSTER), np.float64)
-    visible, ahead = visible_clusters(boxes, view, window, rectangles)
+    visible, ahead = visible_clusters(blocks, boxes, view, window, rectangles)
     number = 1
     drawn = 0
     for index in range(len(visible)):
@@ -224,12 +244,13 @@ def _scene_at(addresses: NDArray[np.int64]) -> RasterScene:
     """The arrays of a scene, from its row of `draw_views`."""
     return (
         array_at(addresses[0], (addresses[1], 6), np.float32),
-        array_at(addresses[2], (addresses[3], 9, CLUSTER), np.float32),
-        array_at(addresses[4], (addresses[5], 9), np.uint8),
-        array_at(addresses[6], (addresses[7], 6), np.float32),
-        array_at(addresses[8], (addresses[9],), np.int32),
-        array_at(addresses[10], (addresses[11], 3), np.int64),
-        array_at(addresses[12], (addresses[13],), np.uint8),
+        array_at(addresses[2], (addresses[3], 6), np.float32),
+        array_at(addresses[4], (addresses[5], 9, CLUSTER), np.float32),
+        array_at(addresses[6], (addresses[7], 9), np.uint8),
+        array_at(addresses[8], (addresses[9], 6), np.float32),
+        array_at(addresses[10], (addresses[11],), np.int32),
+        array_at(addresses[12], (addresses[13], 3), np.int64),
+        array_at(addresses[14], (addresses[15],), np.uint8),
     )
 
 
@@ -238,6 +259,7 @@ def draw_views(
     scenes: NDArray[np.int64],
     poses: NDArray[np.float64],
     camera: tuple[float, float],
+    depth_scale: DepthScale,
     bands: int,
     keys: NDArray[np.int64],
     planes: Planes,
@@ -246,7 +268,7 @@ def draw_views(
 ) -> None:
     """Draw N views, each in so many bands of rows, dealt in turn to as many threads as there are keys.
 
-    scenes: (N, 14) int64, addresses and lengths of a view's Clusters. poses: (N, 4) float64.
+    scenes: (N, 16) int64, addresses and lengths of a view's Clusters. poses: (N, 4) float64.
     camera: the width of a pixel on a plane at 1 m, and the elevation, metres.
     keys: (threads, band's rows, W + SPAN).
     planes: (threads, triangles + 1, 9) and (threads, triangles + 1): see `Planes`
@@ -276,4 +298,12 @@ def draw_views(
             scene = _scene_at(scenes[index])
             own_keys = keys[thread, : bottom - top]
             _draw_rows(scene, view, window, own_keys, own_planes)
-            shade(own_keys, top, own_planes, (scene[5], scene[6]), rgb[index, top:bottom], depth[index, top:bottom])
+            shade(
+                own_keys,
+                top,
+                own_planes,
+                (scene[6], scene[7]),
+                depth_scale,
+                rgb[index, top:bottom],
+                depth[index, top:bottom],
+            )

@@ -13,6 +13,8 @@ _RUN = 8
 # a x + b y + c; three a, three b, three c. With a texture, in place of red and green, its place.
 # And which texture, (N,) int32, -1 for none.
 Planes = tuple[NDArray[np.float32], NDArray[np.int32]]
+# Low, high, span: see `Camera.depth_scale`.
+DepthScale = tuple[np.float32, np.float32, np.float32]
 # A scene's `Clusters.sizes` and `texels`.
 Textures = tuple[NDArray[np.int64], NDArray[np.uint8]]
 
@@ -36,6 +38,9 @@ def write_plane(
                 + second * prepared[row.LINE + 3 + term, column]
                 + third * prepared[row.LINE + 6 + term, column]
             )
+    # A place on a texture has two; what memory held for the third may be denormal, and then every pixel is slow.
+    for unused in range(channels, 3):
+        plane[unused] = plane[3 + unused] = plane[6 + unused] = 0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -109,11 +114,13 @@ def shade(
     first_row: int,
     planes: Planes,
     textures: Textures,
+    depth_scale: DepthScale,
     rgb: NDArray[np.uint8],
     depth: NDArray[np.float32],
 ) -> None:
     """Write rgb (rows, W, 3) and depth (rows, W) of the picture from first_row on. keys: (rows, W or more)."""
     height, width = depth.shape
+    low, high, span = depth_scale
     runs = (width + _RUN - 1) // _RUN
     numbers, depths = np.zeros((runs, _RUN), np.uint32), np.zeros((runs, _RUN), np.float32)
     values = np.empty((3, runs, _RUN), np.float32)
@@ -126,7 +133,8 @@ def shade(
         for x in range(width):
             inverse = np.float32(np.int32(line[x] >> 32).view(np.float32))
             here = np.float32(1) / inverse if inverse > 0 else np.float32(0)
-            flat_depths[x] = depth_line[x] = here
+            flat_depths[x] = here
+            depth_line[x] = (min(max(here, low), high) - low) / span
         _interpolate(numbers, depths, np.float32(first_row + y), planes[0], values)
         for x in range(width):
             rgb_line[3 * x] = _level(red[x])

@@ -52,7 +52,7 @@ class Renderer(Protocol):
 
         scene_ids: (N,). poses: (N, 4).
         Returns rgb (N, H, W, 3) uint8 and depth (N, H, W, 1) float32: metres along the optical axis,
-        `NOTHING_DEPTH` where there is nothing.
+        `NOTHING_DEPTH` where there is nothing; or 0 to 1, by the camera's range.
         Raises KeyError for an unknown scene, ValueError for wrong shapes or poses that are not finite.
         """
 

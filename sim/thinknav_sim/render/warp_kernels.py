@@ -72,10 +72,16 @@ def draw_views(
     pixel: wp.float32,
     elevation: wp.float32,
     far: wp.float32,
+    low: wp.float32,
+    high: wp.float32,
+    span: wp.float32,
     rgb: wp.array4d(dtype=wp.uint8),
     depth: wp.array4d(dtype=wp.float32),
 ) -> None:
-    """Draw N views: scene_of (N,), poses (N,); rgb (N, H, W, 3) and depth (N, H, W, 1) are written."""
+    """Draw N views: scene_of (N,), poses (N,); rgb (N, H, W, 3) and depth (N, H, W, 1) are written.
+
+    low, high, span: see `Camera.depth_scale`.
+    """
     view, y, x = wp.tid()
     surface = scenes[scene_of[view]]
     pose = poses[view]
@@ -86,12 +92,12 @@ def draw_views(
     length = wp.length(way)
     hit = wp.mesh_query_ray(surface.mesh, wp.vec3(pose[0], pose[1] + elevation, pose[2]), way / length, far)
     if not hit.result:
-        depth[view, y, x, 0] = 0.0
+        depth[view, y, x, 0] = (wp.clamp(0.0, low, high) - low) / span
         for channel in range(3):
             rgb[view, y, x, channel] = wp.uint8(0)
         return
     # Forward has length 1 in `way`: the distance in units of it is the depth.
-    depth[view, y, x, 0] = hit.t / length
+    depth[view, y, x, 0] = (wp.clamp(hit.t / length, low, high) - low) / span
     # Warp's u and v weigh the first and second corner.
     weights = wp.vec3(hit.u, hit.v, 1.0 - hit.u - hit.v)
     texture = surface.triangle_textures[hit.face]

@@ -147,6 +147,7 @@ class WarpRenderer:
             float(1 / camera.focal_length),
             float(camera.elevation),
             _FAR,
+            *map(float, camera.depth_scale),
             rgb,
             depth,
         ]

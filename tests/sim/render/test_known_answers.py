@@ -31,6 +31,24 @@ def test_depth_is_along_the_optical_axis(renderer: Renderer, plain_room: Scene) 
     np.testing.assert_allclose(depth[0, ..., 0][on_the_wall], 2.0, atol=1e-5)
 
 
+def test_a_depth_range_reads_from_0_to_1(renderer: Renderer, plain_room: Scene) -> None:
+    """The agent stands 1, 2 and 3 m before a wall, and then outside of the room with its back to it."""
+    scene = renderer.add_scene(plain_room)
+    poses = np.array([(0, 0, -1, 0), (0, 0, 0, 0), (0, 0, 1, 0), (0, 0, -3, 0)], np.float64)
+    for depth_range, expected in (((1.5, 2.5), [0, 0.5, 1, 0]), ((0.1, 10.0), [0.9 / 9.9, 1.9 / 9.9, 2.9 / 9.9, 0])):
+        camera = Camera(width=5, height=5, hfov=20.0, depth_range=depth_range)
+        _, depth = renderer.render(np.full(4, scene), poses, camera)
+        assert depth.dtype == np.float32
+        np.testing.assert_allclose(depth, np.broadcast_to(np.reshape(expected, (4, 1, 1, 1)), depth.shape), atol=1e-5)
+        assert 0 <= depth.min() <= depth.max() <= 1
+
+
+@pytest.mark.parametrize("depth_range", [(2.0, 2.0), (-1.0, 2.0), (0.5, math.inf), (math.nan, 1.0)])
+def test_a_depth_range_is_checked(depth_range: tuple[float, float]) -> None:
+    with pytest.raises(ValueError, match="a depth range goes from"):
+        Camera(depth_range=depth_range)
+
+
 @pytest.mark.parametrize(("turns_left", "color"), [(0, FRONT), (1, LEFT), (2, BACK), (3, RIGHT), (-1, RIGHT)])
 def test_turning_left_adds_to_the_heading(
     renderer: Renderer, plain_room: Scene, turns_left: int, color: list[int]

@@ -8,9 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from thinknav_sim.render import Camera, EmbreeRenderer, Open3DRenderer, RasterRenderer, raster
+from thinknav_sim.render import Camera, EmbreeRenderer, Open3DRenderer, RasterRenderer, raster, raster_setup
 from thinknav_sim.render.picture_memory import PictureMemory
-from thinknav_sim.render.raster_clusters import CLUSTER, cluster
+from thinknav_sim.render.raster_clusters import BLOCK, CLUSTER, cluster
+from thinknav_sim.render.raster_shading import write_plane
 from thinknav_sim.scene import Scene
 
 SEEDS = st.integers(0, 2**32 - 1)
@@ -148,7 +149,34 @@ def test_clusters_hold_every_triangle_once(rooms: tuple[Scene, ...]) -> None:
         )
         owner = np.repeat(np.arange(len(clusters.boxes)), CLUSTER)[filled]
         low, high = clusters.boxes[owner, :3], clusters.boxes[owner, 3:]
+        block = np.arange(len(clusters.boxes)) // BLOCK
+        assert (clusters.blocks[block, :3] <= clusters.boxes[:, :3]).all()
+        assert (clusters.blocks[block, 3:] >= clusters.boxes[:, 3:]).all()
         assert ((corners[filled] >= low[:, None]) & (corners[filled] <= high[:, None])).all()
+
+
+def test_blocks_of_clusters_lose_nothing_in_sight(drawing: RasterRenderer, oracle: Open3DRenderer) -> None:
+    draw = np.random.default_rng(5)
+    corners = draw.uniform(-4, 4, (6000, 1, 3)) + draw.uniform(-0.15, 0.15, (6000, 3, 3))
+    scene = scene_of_corners(corners, 5)
+    assert len(cluster(scene).blocks) > 8
+    poses = np.column_stack([draw.uniform(-3, 3, (12, 3)), np.linspace(-3, 3, 12)])
+    camera = Camera(48, 40, elevation=1e-3)
+    pictures = []
+    for renderer in (drawing, oracle):
+        scene_id = renderer.add_scene(scene)
+        pictures.append(renderer.render(np.full(12, scene_id), poses, camera))
+        renderer.remove_scene(scene_id)
+    off = np.abs(pictures[0][1] - pictures[1][1]) > 1e-4
+    assert off.mean() < 2e-3
+    assert (pictures[1][1] > 0).mean() > 0.2
+
+
+def test_what_memory_held_before_slows_no_textures() -> None:
+    """Denormal numbers left in a plane's third channel made every textured pixel ten times as slow."""
+    prepared, plane = np.ones((raster_setup.ROWS, CLUSTER)), np.full(9, 1e-40, np.float32)
+    write_plane(prepared, 0, np.ones(6, np.float32), plane)
+    assert plane.tolist() == [3, 3, 0] * 3
 
 
 def test_memory_is_used_again_once_nobody_looks_at_it() -> None:

@@ -42,17 +42,17 @@ class RandomWalkers:
         return Timing(taken.wall / (steps * self.agents), taken.cpu / (steps * self.agents))
 
     def other_share(self, steps: int) -> float:
-        """The share of the time of these steps that was not drawing."""
+        """The share of the processor's time for these steps that was not drawing."""
         with timed_renderer(self.env) as renderer:
             taken = timed(lambda: self.walk(steps))()
-        return 1 - renderer.seconds / taken.wall
+        return 1 - renderer.seconds / taken.cpu
 
     def close(self) -> None:
         self.env.close()
 
 
 class _TimedRenderer:
-    """A renderer that counts the seconds it takes to draw."""
+    """A renderer that counts the processor's seconds that drawing takes."""
 
     def __init__(self, renderer: Renderer) -> None:
         self.renderer = renderer
@@ -62,7 +62,7 @@ class _TimedRenderer:
         self, scene_ids: NDArray[np.int64], poses: NDArray[np.float64], camera: Camera
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         pictures: list[tuple[NDArray[np.uint8], NDArray[np.float32]]] = []
-        self.seconds += timed(lambda: pictures.append(self.renderer.render(scene_ids, poses, camera)))().wall
+        self.seconds += timed(lambda: pictures.append(self.renderer.render(scene_ids, poses, camera)))().cpu
         return pictures[0]
 
     def __getattr__(self, name: str) -> Any:
