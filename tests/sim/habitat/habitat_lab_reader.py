@@ -31,7 +31,7 @@ def _do_without_habitat_sim() -> None:
 
 def main(path: str) -> None:
     _do_without_habitat_sim()
-    from habitat.datasets.object_nav.object_nav_dataset import ObjectNavDatasetV1  # type: ignore[import-not-found]
+    from habitat.datasets.object_nav.object_nav_dataset import ObjectNavDatasetV1
 
     dataset: Any = ObjectNavDatasetV1()
     with gzip.open(path, "rt", encoding="utf-8") as file:
