@@ -51,10 +51,8 @@ def test_a_look_frees_what_lies_before_a_wall_and_blocks_where_it_stands(
         assert set(states(known, pose, left, *before)) <= {FREE}
         behind = np.arange(metres + 2 * CELL_M, 7.0, CELL_M)
         assert set(states(known, pose, left, *behind)) == {UNKNOWN}
-        column = known.state[
-            known.cells(ahead_of(pose, np.linspace(left - 0.15, left + 0.15, 61), np.full(61, metres)))
-        ]
-        assert BLOCKED in column
+        around = np.meshgrid(np.linspace(left - 0.15, left + 0.15, 61), [metres - 0.01, metres + 0.01])
+        assert BLOCKED in known.state[known.cells(ahead_of(pose, *around))]
     assert states(known, pose, 0.0, metres / 2) == [FREE]
     assert set(states(known, pose, 0.0, -0.2, -1.0, -3.0)) == {UNKNOWN}
 
