@@ -83,6 +83,7 @@ class FrontierAgent:
     def _action(
         self, state: _State, depth: NDArray[np.float32], pose: NDArray[np.float64], detected: NDArray[np.float64]
     ) -> Action:
+        config = self._config
         self._perceive(state, depth, pose, detected)
         apart = np.hypot(*detected.T)
         bearings = np.arctan2(*detected.T)
@@ -108,7 +109,7 @@ class FrontierAgent:
             if state.way is None:
                 return Action.TURN_LEFT
         turns = turns_towards_goal(
-            state.way.table, 0, state.way.metres, pose, self._config.forward_step, self._turn, False
+            state.way.table, 0, state.way.metres, pose, config.forward_step, self._turn, config.allow_sliding
         )
         if turns:
             return Action.TURN_LEFT if turns > 0 else Action.TURN_RIGHT
@@ -140,17 +141,20 @@ class FrontierAgent:
                 if targets.any():
                     state.way = floor.way(targets, to_goal=True)
                     return
+            state.way = self._way_to_rim(state, floor, pose)
+            if state.way is not None:
+                return
+
+    def _way_to_rim(self, state: _State, floor: Floor, pose: NDArray[np.float64]) -> Way | None:
+        for _ in range(2):
             targets = floor.rims(state.looked)
-            if targets.any():
-                state.way = floor.way(targets, to_goal=False)
-                if state.way.left(pose) > ARRIVED_M:
-                    return
-                state.looked[state.map.near(pose, LOOKED_M)] = True
-                targets = floor.rims(state.looked)
-                if targets.any():
-                    state.way = floor.way(targets, to_goal=False)
-                    return
-                state.way = None
+            if not targets.any():
+                return None
+            way = floor.way(targets, to_goal=False)
+            if way.left(pose) > ARRIVED_M:
+                return way
+            state.looked[state.map.near(pose, LOOKED_M)] = True  # it stands there, and knows no more
+        return None
 
     def _turn_to_goal(self, state: _State, pose: NDArray[np.float64]) -> Action | None:
         """The turn that is needed to face what is nearest of the goal, none if the agent faces it."""
