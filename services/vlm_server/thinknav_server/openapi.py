@@ -98,7 +98,8 @@ _ERROR: Json = {
 
 def _answers(good: Json, description: str, *errors: type[PlannerError]) -> Responses:
     content = {"application/json": {"schema": good}, CONTENT_TYPE: _MSGPACK}
-    return {200: {"description": description, "content": content}} | {e.http_status: _failure(e) for e in errors}
+    answers: Responses = {200: {"description": description, "content": content}}
+    return answers | {error.http_status: _failure(error) for error in errors}
 
 
 def _failure(error: type[PlannerError]) -> Json:
