@@ -162,6 +162,12 @@ def test_guided_answers_are_unwrapped(server: MockServer) -> None:
     assert schema["json_schema"]["schema"]["required"] == ["instructions"]
 
 
+def test_a_guided_answer_that_is_cut_off_keeps_its_words(server: MockServer) -> None:
+    server.script = ['{"instructions": ["turn left", "move forward to the d']
+    answer = ask(planner_of(server), PlanItem(FRAME, "bed", mode="plan"))
+    assert answer == Plan(("turn left", "move forward to the d"))
+
+
 def test_a_server_without_guided_output_is_asked_without(server: MockServer) -> None:
     server.guided = False
     planner = planner_of(server)

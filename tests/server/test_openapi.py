@@ -98,7 +98,9 @@ def test_its_examples_work(url: str, page: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize(("path", "mode"), KINDS)
 def test_whatever_is_asked_the_answer_is_as_described(url: str, path: str, mode: GenerationMode) -> None:
-    operation: APIOperation = schemathesis.openapi.from_url(f"{url}/openapi.json")[path][ROUTES[path]]
+    operation: APIOperation[Any, Any, Any, Any] = schemathesis.openapi.from_url(f"{url}/openapi.json")[path][
+        ROUTES[path]
+    ]
 
     @settings(
         max_examples=CASES,

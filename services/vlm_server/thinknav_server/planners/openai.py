@@ -9,6 +9,7 @@ import hashlib
 import json
 import logging
 import os
+import re
 from contextlib import suppress
 from typing import Any, Self
 
@@ -28,6 +29,8 @@ logger = logging.getLogger(__name__)
 
 _JPEG_QUALITY = 95
 _LOOK_AGAIN_S = 1.0
+# What a string in JSON holds, whether or not it ends.
+_STRING = re.compile(r'"((?:[^"\\]|\\.)*)"?')
 
 
 class OpenAIPlanner:
@@ -138,12 +141,14 @@ def _schema(item: PlanItem) -> dict[str, object]:
 
 
 def _unwrapped(text: str) -> str:
-    """The lines in an answer in JSON; any other text as it is."""
+    """The lines in an answer in JSON, even one that was cut off at its last token; any other text as it is."""
     if not text.lstrip().startswith("{"):
         return text
     try:
         instructions = json.loads(text)["instructions"]
-    except (ValueError, KeyError, TypeError):
+    except ValueError:
+        return "\n".join(_STRING.findall(text.partition("[")[2])) or text
+    except (KeyError, TypeError):
         return text
     return "\n".join(map(str, instructions)) if isinstance(instructions, list) else str(instructions)
 
