@@ -11,8 +11,10 @@ help:
 	@echo 'make bench   the simulator'\''s speed beside MiniWorld, Open3D and bare ray casts (some minutes)'
 	@echo 'make bench-train  the trainer'\''s speed beside Stable-Baselines3 and Habitat-Baselines (some minutes)'
 	@echo 'make bench-server  the planning service beside LitServe, and under overload (some minutes)'
-	@echo 'make soak    20 minutes of stepping through ever new homes: memory stays flat (MINUTES=1 for a short one)'
-	@echo 'make fuzz    100,000 bodies that no client would send, at both doors of the planning service (some 20 minutes of one core)'
+	@echo 'make soak    20 minutes of stepping through ever new homes, then 30 of asking the planning service good and bad things:'
+	@echo '             memory stays flat, all is answered (MINUTES=1 for a short one)'
+	@echo 'make fuzz    100,000 bodies that no client would send, at both doors of the planning service (some 20 minutes of one core),'
+	@echo '             and some thousand requests made from its OpenAPI page'
 	@echo 'make setup   only install: .venv with pinned versions'
 	@echo 'make format  format the code'
 	@echo 'make clean   remove what was made, but for runs/'
@@ -66,14 +68,16 @@ bench-server-peers: .venv-serving/installed
 	@.venv-serving/bin/python -m pip install --quiet --disable-pip-version-check litserve==0.2.19 simplejpeg numpy
 	@touch $@
 
-MINUTES ?= 20
+# MINUTES: of each of the two.
 soak: setup
-	@$(BIN)/thinknav bench soak --minutes $(MINUTES)
+	@$(BIN)/thinknav bench soak $(if $(MINUTES),--minutes $(MINUTES))
+	@$(BIN)/thinknav-server bench soak $(if $(MINUTES),--minutes $(MINUTES))
 
 # Three kinds of bodies at two doors each.
 CASES ?= 100000
 fuzz: setup
 	FUZZ_CASES=$$(($(CASES) / 6)) $(BIN)/pytest tests/server/test_fuzz.py
+	FUZZ_CASES=$$(($(CASES) / 100)) $(BIN)/pytest tests/server/test_openapi.py
 
 check: setup
 	$(BIN)/ruff format --check

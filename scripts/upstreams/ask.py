@@ -8,7 +8,7 @@ import sys
 
 import numpy as np
 
-from thinknav_models import HashedWords
+from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import Frame, PlannerError, PlannerFailed, SubgoalReply, SubgoalRequest
 from thinknav_server.hosts import PlannerInLoop
 from thinknav_server.planners.openai import OpenAIPlanner
@@ -40,7 +40,7 @@ def main() -> None:
     """Print what came of it."""
     url, model = sys.argv[1:]
     planner = OpenAIPlanner(OpenAIOptions(url=url, model=model, timeout=300.0))
-    answers = asyncio.run(ask(PlanningService(PlannerInLoop(planner, HashedWords(), COUNT), Settings())))
+    answers = asyncio.run(ask(PlanningService(PlannerInLoop(planner, shipped_text_encoder(), COUNT), Settings())))
     # A random model may well say nothing that can be followed; every other failure is the server's or ours.
     wrong = [
         answer

@@ -1,6 +1,9 @@
 """The load generator and the figures; the measurements themselves are not for a test."""
 
+import asyncio
 import json
+import os
+import subprocess
 import threading
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -9,10 +12,14 @@ import pytest
 
 from thinknav_proto import decode_requests
 from thinknav_server.bench.figures import Figure
-from thinknav_server.bench.load import Tally, closed_loop, http_request, open_loop
+from thinknav_server.bench.load import Connection, Tally, closed_loop, http_request, open_loop
+from thinknav_server.bench.memory import resident_mb
+from thinknav_server.bench.mixed import Kind, kinds_of_requests
 from thinknav_server.bench.model import Emulated
 from thinknav_server.bench.planner import EmulatedPlanner
-from thinknav_server.bench.servers import jpegs, litserve_requests, our_requests
+from thinknav_server.bench.servers import free_port, jpegs, litserve_requests, our_bodies, our_requests, our_service
+from thinknav_server.bench.soak import SETUP, Soaked
+from thinknav_server.bench.zenoh_load import lone_loop
 
 URL = "http://127.0.0.1:8765"
 
@@ -98,3 +105,54 @@ def test_the_emulated_model_answers_each() -> None:
     assert len(Emulated(0, 0)(5)) == 5
     assert EmulatedPlanner("0", "0").identity.revision == "0-0"
     assert EmulatedPlanner("0", "0").plan([]) == []
+
+
+def test_each_kind_of_request_is_answered_as_the_soak_expects() -> None:
+    async def ask(url: str, kind: Kind) -> int:
+        connection = await Connection.open(url)
+        _, status = await connection.ask(kind.requests[0])
+        connection.abort()
+        return status
+
+    place = f"127.0.0.1:{free_port()}"
+    with our_service(SETUP, "--zenoh", place, "--replica", "r", quiet=True) as (url, pid):
+        frames = jpegs()
+        kinds = [kind for kind in kinds_of_requests(url, frames[:80]) if kind.statuses]
+        answers = {kind.name: asyncio.run(ask(url, kind)) for kind in kinds}
+        assert resident_mb(pid) > 50
+        assert lone_loop(place, "r", our_bodies(frames[:2]), 0.2).latencies()
+    assert {kind.name: answers[kind.name] in kind.statuses for kind in kinds} == dict.fromkeys(answers, True)
+    assert answers["one that breaks the planner"] == 502
+    assert answers["a bomb"] == answers["a body that is too long"] == 400
+
+
+def test_the_memory_of_children_counts() -> None:
+    alone = resident_mb(os.getpid())
+    child = subprocess.Popen(
+        ["python3", "-c", "held = b'x' * 50_000_000; print(1, flush=True); input()"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert child.stdout
+    child.stdout.readline()
+    assert resident_mb(os.getpid()) > alone + 40
+    child.communicate("")
+    assert resident_mb(child.pid) == 0
+
+
+def test_a_soak_complains_of_what_is_wrong_and_of_nothing_else() -> None:
+    good, slow = Kind("good", [], frozenset({200})), Kind("slow", [], frozenset({504}))
+    soaked = Soaked(megabytes=[10.0, 100.0, 100.0, 100.0, 100.0, 101.0])
+    soaked.answers.update({(good, 200): 5, (slow, 504): 2})
+    assert soaked.complaints() == []
+    soaked.answers[good, 500] += 1
+    soaked.unanswered[slow, "TimeoutError"] += 1
+    soaked.megabytes += 4 * [120.0]
+    told = soaked.complaints()
+    assert told[:2] == ["good: 1 answered with 500", "slow: 1 unanswered (TimeoutError)"]
+    assert "memory grew" in told[2]
+    values = {figure.figure: figure.value for figure in soaked.figures()}
+    assert values["service.soak.unasked_5xx"] == values["service.soak.unanswered"] == 1
+    with pytest.raises(ValueError, match="soak for longer"):
+        Soaked(megabytes=[1.0]).growth()

@@ -43,6 +43,7 @@ class MockServer:
 
     def __init__(self) -> None:
         self.models = [{"id": "qwen", "created": 1, "root": "/models/qwen"}]
+        self.unlisted: set[str] = set()
         self.script: list[int | str] = ["turn left"]
         self.guided = True
         self.bodies: list[dict[str, Any]] = []
@@ -90,6 +91,8 @@ class MockServer:
         body = await request.json()
         self.bodies.append(body)
         self.headers.append(dict(request.headers))
+        if body["model"] not in self.unlisted | {model["id"] for model in self.models}:
+            return web.json_response({"error": "model is not known"}, status=404)
         if "response_format" in body and not self.guided:
             return web.json_response({"error": "response_format is not known"}, status=400)
         self.at_once += 1
@@ -159,6 +162,12 @@ def test_guided_answers_are_unwrapped(server: MockServer) -> None:
     assert schema["json_schema"]["schema"]["required"] == ["instructions"]
 
 
+def test_a_guided_answer_that_is_cut_off_keeps_its_words(server: MockServer) -> None:
+    server.script = ['{"instructions": ["turn left", "move forward to the d']
+    answer = ask(planner_of(server), PlanItem(FRAME, "bed", mode="plan"))
+    assert answer == Plan(("turn left", "move forward to the d"))
+
+
 def test_a_server_without_guided_output_is_asked_without(server: MockServer) -> None:
     server.guided = False
     planner = planner_of(server)
@@ -215,7 +224,7 @@ def test_it_says_who_is_asked(server: MockServer) -> None:
 
 
 def test_the_wrong_model_or_server_is_told_at_once(server: MockServer) -> None:
-    with pytest.raises(ValueError, match=r"does not serve 'gpt' but qwen; see --upstream-model"):
+    with pytest.raises(ValueError, match=r"does not serve 'gpt' but qwen; see --upstream-model .*refused with 404"):
         planner_of(server, model="gpt")
     server.models.append({"id": "other"})
     with pytest.raises(ValueError, match=r"serves qwen, other; choose one by --upstream-model"):
@@ -227,6 +236,15 @@ def test_the_wrong_model_or_server_is_told_at_once(server: MockServer) -> None:
     with pytest.raises(ValueError, match="no model server at"):
         planner_of(server)
     server.listen_again()
+
+
+def test_a_model_that_is_served_but_not_listed_is_taken(server: MockServer) -> None:
+    server.models = []
+    server.unlisted = {"/models/qwen"}
+    planner = planner_of(server, model="/models/qwen")
+    assert planner.identity.name == "openai/qwen"
+    assert ask(planner) == Plan(("turn left",))
+    assert [body["model"] for body in server.bodies] == ["/models/qwen"] * 2
 
 
 def request(name: str, **fields: Any) -> SubgoalRequest:

@@ -101,7 +101,7 @@ def write_qwen3_vl(folder: Path, seed: int = 0, head_dim: int = 16, video: bool 
 
 
 def _write_for_servers(folder: Path) -> None:
-    """What servers read besides: which processor to make, settings for videos, and how to lay out a chat."""
+    """What servers read besides: which processor to make, settings for videos, how to lay out a chat and to sample."""
     settings = {"image_processor_type": "Qwen2VLImageProcessor", "processor_class": "Qwen3VLProcessor"}
     for name, more in (
         ("preprocessor_config.json", settings),
@@ -110,6 +110,9 @@ def _write_for_servers(folder: Path) -> None:
         values = image_processor().to_dict() | more
         (folder / name).write_text(json.dumps(values))
     (folder / "chat_template.jinja").write_text(_CHAT)
+    # As Qwen's own checkpoints have it: without, `transformers serve` never samples, whatever the temperature.
+    sampling = folder / "generation_config.json"
+    sampling.write_text(json.dumps(json.loads(sampling.read_text()) | {"do_sample": True, "temperature": 0.7}))
 
 
 def image_processor() -> Qwen2VLImageProcessorPil:

@@ -12,12 +12,13 @@ from pydantic import ValidationError
 from thinknav_proto import Limits, PlannerError, describe
 from thinknav_server.bench.cli import app as bench_app
 from thinknav_server.check import check_planner
-from thinknav_server.cli_sections import planner_options, process_settings, refused, takes
+from thinknav_server.cli_sections import refused, takes
 from thinknav_server.door_options import accepted_limits, door_settings
 from thinknav_server.doors import open_doors
 from thinknav_server.hosts import Host, PlannerInLoop, PlannerProcess, PlannerThread
 from thinknav_server.hosts.process import ProcessSettings
 from thinknav_server.logs import configure_logs
+from thinknav_server.planner_options import planner_options, process_settings
 from thinknav_server.planners.options import PlannerOptions, load_text_encoder, load_thinker
 from thinknav_server.server import run, stop_at_end_of_input
 from thinknav_server.service import PlanningService

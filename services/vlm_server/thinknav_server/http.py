@@ -34,6 +34,15 @@ from thinknav_server.disconnect import ClientGone, while_connected
 from thinknav_server.forms import read_form
 from thinknav_server.intake import Intake, IntakeLimit
 from thinknav_server.metrics import CONTENT_TYPE as METRICS_TYPE
+from thinknav_server.openapi import (
+    embeddings_answers,
+    embeddings_body,
+    page_answers,
+    planner_answers,
+    readiness_answers,
+    subgoals_answers,
+    subgoals_body,
+)
 from thinknav_server.rendering import (
     BINARY_TYPES,
     media_type,
@@ -87,7 +96,7 @@ def _service(request: Request) -> PlanningService:
 Service = Annotated[PlanningService, Depends(_service)]
 
 
-@routes.post("/v1/subgoals")
+@routes.post("/v1/subgoals", openapi_extra=subgoals_body(), responses=subgoals_answers())
 async def subgoals(request: Request, service: Service) -> Response:
     """One answer for each request of the body, in its order."""
     kind = media_type(request)
@@ -100,7 +109,7 @@ async def subgoals(request: Request, service: Service) -> Response:
     return render_replies(request, await while_connected(request, service.answer_each(requests, _caller(request))))
 
 
-@routes.post("/v1/embeddings")
+@routes.post("/v1/embeddings", openapi_extra=embeddings_body(), responses=embeddings_answers())
 async def embeddings(request: Request, service: Service) -> Response:
     """The embeddings of the body's texts, in its order."""
     kind = media_type(request)
@@ -116,7 +125,7 @@ async def embeddings(request: Request, service: Service) -> Response:
     return render_embeddings(request, await while_connected(request, service.embed(asked)))
 
 
-@routes.get("/v1/planner")
+@routes.get("/v1/planner", responses=planner_answers())
 async def planner(request: Request, service: Service) -> Response:
     """Who answers, and what it accepts."""
     return render_info(request, service.introduce())
@@ -128,20 +137,20 @@ async def healthz() -> Response:
     return JSONResponse({"status": "ok"})
 
 
-@routes.get("/readyz")
+@routes.get("/readyz", responses=readiness_answers())
 async def readyz(service: Service) -> Response:
     """200 while requests are answered."""
     service.introduce()
     return JSONResponse({"status": "ready"})
 
 
-@routes.get("/")
+@routes.get("/", response_class=HTMLResponse, responses=page_answers("text/html"))
 async def status(service: Service) -> Response:
     """How the service is doing, for people."""
     return HTMLResponse(render_status(service.status, service.recent))
 
 
-@routes.get("/metrics")
+@routes.get("/metrics", response_class=Response, responses=page_answers("text/plain"))
 async def metrics(service: Service) -> Response:
     """Counts and timings, as docs/metrics.md explains them."""
     return Response(service.metrics.exposition(), media_type=METRICS_TYPE)

@@ -9,6 +9,7 @@ import typer
 
 from thinknav_server.bench.figures import Figure
 from thinknav_server.bench.overload import overload_figures
+from thinknav_server.bench.soak import soak
 from thinknav_server.bench.throughput import throughput_figures
 
 app = typer.Typer(help="Measure the service on this machine, as lines of JSON.", no_args_is_help=True)
@@ -29,6 +30,17 @@ def throughput(
 def overload(seconds: Annotated[float, typer.Option(min=1, help="Of overload.")] = 60.0) -> None:
     """Ten times the load that the service can bear: who is admitted, who is refused, how soon it is over."""
     _print(overload_figures(seconds))
+
+
+@app.command("soak")
+def soak_service(minutes: Annotated[float, typer.Option(min=0.1, help="How long.")] = 30.0) -> None:
+    """Good and bad requests together for a long time; exit status 1 when any is answered wrongly, or memory grows."""
+    soaked = soak(60 * minutes)
+    _print(soaked.figures())
+    complaints = soaked.complaints()
+    for complaint in complaints:
+        typer.echo(f"thinknav-server: {complaint}", err=True)
+    raise typer.Exit(bool(complaints))
 
 
 def _print(figures: Iterable[Figure]) -> None:

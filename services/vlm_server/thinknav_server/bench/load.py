@@ -65,7 +65,7 @@ async def _closed_loop(url: str, requests: Sequence[bytes], clients: int, second
     until = began + seconds
 
     async def client() -> None:
-        connection = await _Connection.open(url)
+        connection = await Connection.open(url)
         while time.perf_counter() < until:
             answer = await connection.ask(next(turns))
             if began <= time.perf_counter() < until:
@@ -80,11 +80,11 @@ async def _closed_loop(url: str, requests: Sequence[bytes], clients: int, second
 async def _open_loop(url: str, requests: Sequence[bytes], rate: float, seconds: float) -> Tally:
     tally = Tally(seconds=seconds)
     turns: Iterator[bytes] = itertools.cycle(requests)
-    idle: list[_Connection] = []
+    idle: list[Connection] = []
     asking: set[asyncio.Task[None]] = set()
 
     async def ask() -> None:
-        connection = idle.pop() if idle else await _Connection.open(url)
+        connection = idle.pop() if idle else await Connection.open(url)
         tally.answers.append(await connection.ask(next(turns)))
         idle.append(connection)
 
@@ -103,7 +103,7 @@ async def _open_loop(url: str, requests: Sequence[bytes], rate: float, seconds: 
     return tally
 
 
-class _Connection:
+class Connection:
     """One connection that is kept alive."""
 
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -111,7 +111,7 @@ class _Connection:
         self._writer = writer
 
     @classmethod
-    async def open(cls, url: str) -> "_Connection":
+    async def open(cls, url: str) -> "Connection":
         address = urlsplit(url)
         return cls(*await asyncio.open_connection(address.hostname, address.port))
 
@@ -123,6 +123,15 @@ class _Connection:
         length = int(head.partition(b"content-length:")[2].partition(b"\r\n")[0])
         await self._reader.readexactly(length)
         return time.perf_counter() - began, int(head.split(b" ", 2)[1])
+
+    async def send(self, request: bytes) -> None:
+        """A request, or a part of one, whose answer nobody waits for."""
+        self._writer.write(request)
+        await self._writer.drain()
+
+    def abort(self) -> None:
+        """Hang up, whatever is on its way."""
+        self._writer.transport.abort()
 
     async def close(self) -> None:
         self._writer.close()

@@ -1,11 +1,12 @@
 """Ten times more requests than the service can answer: what becomes of those it admits, and of the others."""
 
+import threading
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 from thinknav_server.bench.figures import Figure
 from thinknav_server.bench.load import closed_loop, open_loop
+from thinknav_server.bench.memory import resident_mb
 from thinknav_server.bench.servers import Setup, jpegs, our_requests, our_service
 
 # Answers 100 subgoals a second, so that ten times as many can be sent from the same machine. The queue holds one batch:
@@ -23,18 +24,23 @@ def overload_figures(seconds: float) -> Iterator[Figure]:
         requests = our_requests(url, frames)
         quiet = closed_loop(url, requests, 2 * SETUP.max_batch, min(_QUIET_S, seconds))
         yield Figure("service.quiet.p99", quiet.quantile(0.99), "ms")
-        before = _resident_mb(pid)
+        early: list[float] = []
+        look = threading.Timer(seconds / 4, lambda: early.append(resident_mb(pid)))
+        look.start()
         crowded = open_loop(url, requests, _FACTOR * quiet.rate(), seconds)
         ended = time.perf_counter()
+        late = resident_mb(pid)
+        look.join()
         recovered = _until_as_before(url, requests, quiet.quantile(0.5)) - ended
         admitted = crowded.quantile(0.99)
         yield Figure("service.overload.offered", len(crowded.answers) / seconds, "requests/s")
         yield Figure("service.overload.answered", crowded.rate(), "subgoals/s", "quiet", quiet.rate())
-        yield Figure("service.overload.admitted_p99", admitted, "ms", "quiet", quiet.quantile(0.99))
+        usual = quiet.quantile(0.99)
+        yield Figure("service.overload.admitted_p99", admitted, "ms", "quiet", usual, usual / admitted)
         yield Figure("service.overload.refused_p99", crowded.quantile(0.99, _TOO_MANY), "ms until 429")
         others = sum(status not in (200, _TOO_MANY) for _, status in crowded.answers)
         yield Figure("service.overload.neither", float(others), "requests")
-        yield Figure("service.overload.memory", _resident_mb(pid), "MB", "before", before)
+        yield Figure("service.overload.memory", late, "MB", "after a quarter of it", early[0], early[0] / late)
         yield Figure("service.overload.recovery", recovered, "s")
 
 
@@ -45,8 +51,3 @@ def _until_as_before(url: str, requests: list[bytes], usual_ms: float) -> float:
         seconds = tally.latencies()
         if seconds and 1000 * min(seconds) <= usual_ms:
             return time.perf_counter()
-
-
-def _resident_mb(pid: int) -> float:
-    pages = int(Path(f"/proc/{pid}/statm").read_text(encoding="ascii").split()[1])
-    return pages * 4096 / 1e6

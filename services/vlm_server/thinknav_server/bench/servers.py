@@ -30,26 +30,31 @@ _FRAMES = 512  # more than are asked at once, so that none is asked twice at a t
 
 @dataclass(frozen=True)
 class Setup:
-    """base, item: the model's milliseconds. The rest is as the service's options of these names."""
+    """base, item: the model's milliseconds. The rest is as the service's options of these names.
+
+    cache_size: of the service alone; its peer has no cache.
+    """
 
     base: float
     item: float
     max_batch: int = 32
     max_wait: float = 0.005
     queue_size: int = 256
+    cache_size: int = 0
 
 
 @contextmanager
-def our_service(setup: Setup) -> Iterator[tuple[str, int]]:
-    """The service without a cache: its URL and the number of its process."""
+def our_service(setup: Setup, *options: str, quiet: bool = False) -> Iterator[tuple[str, int]]:
+    """The service, with more options if need be: its URL and the number of its process. quiet: without its log."""
     with tempfile.TemporaryDirectory() as folder:
         announced = Path(folder) / "url"
         command = [sys.executable, "-m", "thinknav_server", "serve", "--port", "0", "--announce", str(announced)]
         command += ["--planner", "thinknav_server.bench.planner:EmulatedPlanner", "--log-level", "warning"]
-        command += ["--argument", f"base={setup.base}", "--argument", f"item={setup.item}", "--cache-size", "0"]
+        command += ["--argument", f"base={setup.base}", "--argument", f"item={setup.item}"]
         command += ["--max-batch", str(setup.max_batch), "--max-wait", str(setup.max_wait)]
-        command += ["--queue-size", str(setup.queue_size)]
-        with _running(command) as process:
+        command += ["--queue-size", str(setup.queue_size), "--cache-size", str(setup.cache_size), *options]
+        command += ["--until-eof"]  # it ends with us, even if we are killed
+        with _running(command, quiet) as process:
             _wait(process, announced.exists)
             yield announced.read_text(encoding="utf-8"), process.pid
 
@@ -57,15 +62,21 @@ def our_service(setup: Setup) -> Iterator[tuple[str, int]]:
 @contextmanager
 def litserve(python: Path, setup: Setup) -> Iterator[str]:
     """LitServe in its own virtual environment: its URL."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
+    port = free_port()
     script = Path(__file__).with_name("litserve_peer.py")
     numbers = (port, setup.base, setup.item, setup.max_batch, setup.max_wait)
     with _running([str(python), str(script), *map(str, numbers)]) as process:
         _wait(process, lambda: _listens(port))
         time.sleep(2)  # its workers come up after its port does
         yield f"http://127.0.0.1:{port}"
+
+
+def free_port() -> int:
+    """One that nobody listens on now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
 
 
 def jpegs() -> list[bytes]:
@@ -77,12 +88,17 @@ def jpegs() -> list[bytes]:
 
 
 def our_requests(url: str, frames: list[bytes]) -> list[bytes]:
+    """One frame each, over HTTP."""
+    return [http_request(url, "/v1/subgoals", CONTENT_TYPE, body) for body in our_bodies(frames)]
+
+
+def our_bodies(frames: list[bytes]) -> list[bytes]:
     """One frame each, as the contract has it."""
     requests = (
         SubgoalRequest(request_id=str(index), goal="chair", frame=Frame(encoding="jpeg", data=data))
         for index, data in enumerate(frames)
     )
-    return [http_request(url, "/v1/subgoals", CONTENT_TYPE, encode_requests([request])) for request in requests]
+    return [encode_requests([request]) for request in requests]
 
 
 def litserve_requests(url: str, frames: list[bytes]) -> list[bytes]:
@@ -92,9 +108,12 @@ def litserve_requests(url: str, frames: list[bytes]) -> list[bytes]:
 
 
 @contextmanager
-def _running(command: list[str]) -> Iterator["subprocess.Popen[bytes]"]:
+def _running(command: list[str], quiet: bool = False) -> Iterator["subprocess.Popen[bytes]"]:
     # A session of its own, so that its workers end with it: LitServe's outlive a server that is killed.
-    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, start_new_session=True)
+    log = subprocess.DEVNULL if quiet else None
+    process = subprocess.Popen(
+        command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log, start_new_session=True
+    )
     try:
         yield process
     finally:
@@ -105,7 +124,7 @@ def _running(command: list[str]) -> Iterator["subprocess.Popen[bytes]"]:
             logger.warning("the server to measure did not stop when told to")
         with suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
+        process.communicate()
 
 
 def _wait(process: "subprocess.Popen[bytes]", ready: Callable[[], bool]) -> None:

@@ -12,7 +12,17 @@ from thinknav_proto import Frame, SubgoalRequest
 from thinknav_server.bench.figures import Figure
 from thinknav_server.bench.load import Tally, closed_loop
 from thinknav_server.bench.planner import EmulatedPlanner
-from thinknav_server.bench.servers import Setup, jpegs, litserve, litserve_requests, our_requests, our_service
+from thinknav_server.bench.servers import (
+    Setup,
+    free_port,
+    jpegs,
+    litserve,
+    litserve_requests,
+    our_bodies,
+    our_requests,
+    our_service,
+)
+from thinknav_server.bench.zenoh_load import lone_loop
 from thinknav_server.thinking import Thinker
 
 CLIENTS = (1, 16, 64, 256)
@@ -58,9 +68,13 @@ def _beside_the_model(frames: list[bytes], seconds: float) -> Iterator[Figure]:
     yield Figure("service.offline_share", served.rate() / offline, "of the model's own throughput in full batches")
     lone = replace(SLOW, max_wait=0.0)
     alone = _offline_latency(frames, lone, seconds)
-    with our_service(lone) as (url, _):
-        asked = closed_loop(url, our_requests(url, frames), 1, seconds)
-    yield Figure("service.http.added_ms", asked.quantile(0.5) - alone, "ms above the model, for a lone request")
+    place = f"127.0.0.1:{free_port()}"
+    with our_service(lone, "--zenoh", place, "--replica", "measured") as (url, _):
+        over_http = closed_loop(url, our_requests(url, frames), 1, seconds)
+        over_zenoh = lone_loop(place, "measured", our_bodies(frames), seconds)
+    unit = "ms above the model, for a lone request"
+    yield Figure("service.http.added_ms", over_http.quantile(0.5) - alone, unit)
+    yield Figure("service.zenoh.added_ms", over_zenoh.quantile(0.5) - alone, unit)
 
 
 def _thinker(setup: Setup) -> Thinker:

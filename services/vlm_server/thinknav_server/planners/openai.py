@@ -9,7 +9,7 @@ import hashlib
 import json
 import logging
 import os
-from collections.abc import Mapping, Sequence
+import re
 from contextlib import suppress
 from typing import Any, Self
 
@@ -29,6 +29,8 @@ logger = logging.getLogger(__name__)
 
 _JPEG_QUALITY = 95
 _LOOK_AGAIN_S = 1.0
+# What a string in JSON holds, whether or not it ends.
+_STRING = re.compile(r'"((?:[^"\\]|\\.)*)"?')
 
 
 class OpenAIPlanner:
@@ -39,8 +41,7 @@ class OpenAIPlanner:
         self._prompt = load_prompt(options.prompt)
         key = os.environ.get(options.key_env, "")
         self._upstream = Upstream(options.url, key, options.concurrency, options.timeout)
-        served = asyncio.run(self._served())
-        self._model = _choose(options.model, served, options.url)
+        self._model = asyncio.run(self._served())
         revision = hashlib.sha256(json.dumps(self._model, sort_keys=True, default=str).encode()).hexdigest()[:12]
         self.identity = PlannerIdentity(f"openai/{model_name(str(self._model['id']))}", revision, self._prompt.hash)
         self._guided = options.guided
@@ -94,12 +95,31 @@ class OpenAIPlanner:
             "temperature": item.temperature,
         }
 
-    async def _served(self) -> Sequence[Mapping[str, Any]]:
+    async def _served(self) -> dict[str, Any]:
+        """What is stable of the entry of the wanted model, or of the only one. Raises ValueError."""
+        wanted, url = self._options.model, self._options.url
         async with self._upstream:
             try:
-                return await self._upstream.models()
+                served = {str(model["id"]): model for model in await self._upstream.models()}
             except PlannerError as error:
                 raise ValueError(f"{error}; give --upstream-url up to and with /v1") from None
+            names = ", ".join(served) or "nothing"
+            if not wanted and len(served) != 1:
+                raise ValueError(f"{url} serves {names}; choose one by --upstream-model")
+            if wanted and wanted not in served:
+                await self._try_unlisted(wanted, names)
+        model = served.get(wanted, {"id": wanted}) if wanted else next(iter(served.values()))
+        return {key: model[key] for key in ("id", "root", "parent") if key in model}
+
+    async def _try_unlisted(self, model: str, names: str) -> None:
+        """Some servers list less than they serve: `transformers serve` loads a folder when it is first asked for."""
+        greeting = {"model": model, "messages": [{"role": "user", "content": "Hello"}], "max_tokens": 1}
+        try:
+            await self._upstream.complete(greeting, {})
+        except PlannerError as error:
+            raise ValueError(
+                f"{self._options.url} does not serve {model!r} but {names}; see --upstream-model ({error})"
+            ) from None
 
     async def _look_for_server(self) -> None:
         """Notices when a server that was gone is back."""
@@ -109,17 +129,6 @@ class OpenAIPlanner:
                 with suppress(PlannerError):
                     await self._upstream.models()
                     self.reachable = True
-
-
-def _choose(wanted: str, served: Sequence[Mapping[str, Any]], url: str) -> dict[str, Any]:
-    """What is stable of the entry of the wanted model, or of the only one."""
-    names = [str(model["id"]) for model in served]
-    if wanted and wanted not in names:
-        raise ValueError(f"{url} does not serve {wanted!r} but {', '.join(names) or 'nothing'}; see --upstream-model")
-    if not wanted and len(names) != 1:
-        raise ValueError(f"{url} serves {', '.join(names) or 'nothing'}; choose one by --upstream-model")
-    model = served[names.index(wanted)] if wanted else served[0]
-    return {key: model[key] for key in ("id", "root", "parent") if key in model}
 
 
 def _schema(item: PlanItem) -> dict[str, object]:
@@ -132,12 +141,14 @@ def _schema(item: PlanItem) -> dict[str, object]:
 
 
 def _unwrapped(text: str) -> str:
-    """The lines in an answer in JSON; any other text as it is."""
+    """The lines in an answer in JSON, even one that was cut off at its last token; any other text as it is."""
     if not text.lstrip().startswith("{"):
         return text
     try:
         instructions = json.loads(text)["instructions"]
-    except (ValueError, KeyError, TypeError):
+    except ValueError:
+        return "\n".join(_STRING.findall(text.partition("[")[2])) or text
+    except (KeyError, TypeError):
         return text
     return "\n".join(map(str, instructions)) if isinstance(instructions, list) else str(instructions)
 
