@@ -77,8 +77,8 @@ class PlannerConfig(Section):
 
     url: str = Field(
         "http://127.0.0.1:8765",
-        description="where it is: http(s)://… or zenoh(s)://…, several separated by commas; privileged: no service, but "
-        "the simulator's shortest path, for experiments (docs/experiments.md)",
+        description="where it is: http(s)://… or zenoh(s)://…, several separated by commas; privileged: no service, "
+        "but the simulator's shortest path, for experiments (docs/experiments.md)",
     )
     token_file: Path | None = Field(
         None, description="file with one line name:token; without it the variable THINKNAV_PLANNER_TOKEN is used"

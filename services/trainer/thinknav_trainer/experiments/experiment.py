@@ -39,8 +39,8 @@ class Experiment:
 
 FIRST_LIGHT = Experiment(
     name="first-light",
-    question="Does the learner learn to use what it is told? The planner is privileged: it says where the shortest path "
-    "leads. In the control each agent is told what another one should do.",
+    question="Does the learner learn to use what it is told? The planner is privileged: it says where the shortest "
+    "path leads. In the control each agent is told what another one should do.",
     preset="first-light",
     overrides=("planner.url=privileged",),
     arms=(Arm("privileged"), Arm("shuffled", ("planner.privileged.shuffled=true",))),

@@ -14,6 +14,7 @@ from thinknav_trainer.experiments.experiment import Experiment
 from thinknav_trainer.experiments.table import Outcome, write_table
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.records import EpisodeRecord, read_evaluation
+from thinknav_trainer.run import read_config
 from thinknav_trainer.scenes import Homes, make_homes
 from thinknav_trainer.workflow import evaluate_checkpoint, train_run
 
@@ -65,16 +66,20 @@ def _trained_and_evaluated(
     run: Path, config: TrainConfig, homes: SharedHomes, interrupted: Interruption
 ) -> list[EpisodeRecord]:
     """The records of a run's held-out episodes; none when the user interrupts."""
+    begun = (run / "config.yaml").exists()
+    if begun and read_config(run) != config:
+        raise ConfigError(f"{run} was made with other defaults than today's; move it away, or give another --runs")
     try:
         return read_evaluation(run / "evaluation")[1]
     except ConfigError:
         logger.info("%s is to be trained and evaluated", run)
     own = homes.of(config)
-    checkpoint = train_run(run, config, interrupted, resume=(run / "config.yaml").exists(), homes=own)
+    checkpoint = train_run(run, config, interrupted, resume=begun, homes=own)
     if interrupted.requested:
         return []
     return evaluate_checkpoint(checkpoint, "held_out", interrupted, output=run / "evaluation", homes=own)[1]
 
 
 def _digest(config: TrainConfig) -> str:
-    return hashlib.sha256(config.model_dump_json().encode()).hexdigest()[:10]
+    """Of what differs from the defaults, so that a key that ThinkNav learns later makes no run another one."""
+    return hashlib.sha256(config.model_dump_json(exclude_defaults=True).encode()).hexdigest()[:10]

@@ -1,5 +1,7 @@
-"""A planner that knows the map and where the agent stands, and says where the shortest path leads. For experiments only:
-what a policy could learn from a perfect planner, from one that errs, and from one whose answers mean nothing.
+"""A planner that knows the map and where the agent stands, and says where the shortest path leads.
+
+For experiments only: what a policy could learn from a perfect planner, from one that errs, and from one whose answers
+mean nothing.
 
 It reads the simulator, not frames, so that it needs the env that asks: `PrivilegedPlanner.asking`. Everything that is
 trained or evaluated with it names it: the planner's identity is `privileged@…`.
