@@ -48,6 +48,11 @@ def test_an_experiment_is_interrupted_goes_on_and_is_not_done_twice(tmp_path: Pa
         assert (tmp_path / "result.json").read_text() == first
         with pytest.raises(AssertionError, match="trained before"):
             run_experiment(FIRST_LIGHT, tmp_path, 2, Interruption(), [*overrides, "ppo.lr=1e-4"], smoke=True)
+    # A default that has changed since then.
+    kept = begun / "config.yaml"
+    kept.write_text(kept.read_text().replace("stop_bias: -4.0", "stop_bias: -3.0"))
+    with pytest.raises(ConfigError, match="made with other defaults than today's"):
+        run_experiment(FIRST_LIGHT, tmp_path, 2, Interruption(), overrides, smoke=True)
     result = json.loads(first)
     told, _ = read_evaluation(next(tmp_path.glob("shuffled-1-*")) / "evaluation")
     assert result["arms"]["shuffled"]["steps"]["per_seed"][1] == told["summary"]["steps"]["mean"]

@@ -64,11 +64,12 @@ class PrivilegedConfig(Section):
 
     error: float = Field(0.0, ge=0, le=1, description="privileged planner: share of its answers redrawn at random")
     errors_repeat: bool = Field(
-        False, description="privileged planner: who asks again in the same place gets the same answer, be it wrong"
+        False,
+        description="privileged planner: whether it says the same, right or wrong, whenever asked in the same place",
     )
-    says_stop: bool = Field(True, description="privileged planner: false: it says forward where it would say stop")
+    says_stop: bool = Field(True, description="privileged planner: whether it says stop, or forward in its place")
     shuffled: bool = Field(
-        False, description="privileged planner: each agent gets the answer that another one would have got (a control)"
+        False, description="privileged planner: whether each agent gets the answer to another one (a control)"
     )
 
 

@@ -118,14 +118,18 @@ def test_who_obeys_it_arrives_and_who_obeys_another_ones_planner_does_not(smoke:
 
 
 def test_a_run_with_it_is_repeatable_and_says_so(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
+    """Its answers are there at once, so that whoever does not wait for them does the same."""
     overrides = ["planner=privileged", "planner.privileged.error=0.3", "total_steps=128"]
     config = change_config(smoke, overrides=overrides)
-    paths = [train_run(tmp_path / name, config, Interruption(), homes=homes) for name in "ab"]
+    fast = change_config(config, overrides=["deterministic=false"])
+    path = train_run(tmp_path / "lock-step", config, Interruption(), homes=homes)
+    train_run(tmp_path / "fast", fast, Interruption(), homes=homes)
+    train_run(tmp_path / "replayed", config, Interruption(), homes=homes, replay=tmp_path / "lock-step")
     for log in ("metrics", "thoughts"):
-        first, second = ((tmp_path / name / f"{log}.jsonl").read_text() for name in "ab")
-        assert first == second
+        first, *others = ((tmp_path / name / f"{log}.jsonl").read_text() for name in ("lock-step", "fast", "replayed"))
         assert first
-    folder, _ = evaluate_checkpoint(paths[0], "held_out", Interruption(), homes=homes)
+        assert others == [first, first]
+    folder, _ = evaluate_checkpoint(path, "held_out", Interruption(), homes=homes)
     protocol = json.loads((folder / "result.json").read_text())["protocol"]
     assert protocol["privileged"]
     assert protocol["planner"] == "privileged@shortest-path.error-0.3"
