@@ -82,9 +82,8 @@ def _markdown(result: dict[str, Any]) -> str:
         cells = " | ".join(_cell(measures[measure]) for measure in _SHOWN)
         rows.append(f"| {name} | {cells} |")
     privileged = [arm for arm, told in protocol["privileged_planner"].items() if told]
-    seeds = len(protocol["seeds"])
     notes = [
-        f"{protocol['total_steps']:,} steps, {seeds} {'seed' if seeds == 1 else 'seeds'}, {protocol['episodes']} held-out episodes "
+        f"{protocol['total_steps']:,} steps, {len(protocol['seeds'])} seed(s), {protocol['episodes']} held-out episodes "
         f"in {', '.join(protocol['scenes'])}, sampled actions; mean over seeds ({protocol['interval']}).",
         f"The planner is privileged in: {', '.join(privileged) or 'no arm'}.",
     ]
