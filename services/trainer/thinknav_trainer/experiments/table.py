@@ -83,8 +83,8 @@ def _markdown(result: dict[str, Any]) -> str:
         rows.append(f"| {name} | {cells} |")
     privileged = [arm for arm, told in protocol["privileged_planner"].items() if told]
     notes = [
-        f"{protocol['total_steps']:,} steps, {len(protocol['seeds'])} seed(s), {protocol['episodes']} held-out episodes "
-        f"in {', '.join(protocol['scenes'])}, sampled actions; mean over seeds ({protocol['interval']}).",
+        f"{protocol['total_steps']:,} steps, {len(protocol['seeds'])} seed(s), {protocol['episodes']} held-out "
+        f"episodes in {', '.join(protocol['scenes'])}, sampled actions; mean over seeds ({protocol['interval']}).",
         f"The planner is privileged in: {', '.join(privileged) or 'no arm'}.",
     ]
     header = ["| arm | " + " | ".join(_SHOWN) + " |", "|---" * (len(_SHOWN) + 1) + "|"]
