@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from thinknav_trainer.statistics import bootstrap_interval
+from thinknav_trainer.statistics import bootstrap_interval, student_interval
 
 
 def test_interval_holds_the_mean_and_narrows_with_more_values() -> None:
@@ -17,3 +17,12 @@ def test_interval_holds_the_mean_and_narrows_with_more_values() -> None:
 def test_no_values_are_refused() -> None:
     with pytest.raises(ValueError, match="at least one value"):
         bootstrap_interval([])
+
+
+def test_students_interval_is_the_one_of_the_tables() -> None:
+    assert student_interval([1.0, 2.0, 3.0]) == pytest.approx(
+        (2 - 4.303 / np.sqrt(3), 2 + 4.303 / np.sqrt(3)), abs=1e-3
+    )
+    assert student_interval([0.5, 0.5]) == (0.5, 0.5)
+    with pytest.raises(ValueError, match="at least two values, not 1"):
+        student_interval([1.0])

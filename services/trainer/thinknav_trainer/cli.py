@@ -18,7 +18,7 @@ from thinknav_sim.episodes import EpisodeError
 from thinknav_sim.render import RendererUnavailable
 from thinknav_sim.scene import SceneError
 from thinknav_trainer.checkpoint import CheckpointError
-from thinknav_trainer.commands import ask, bench, compare, episodes, evaluate, homes, models, scenes
+from thinknav_trainer.commands import ask, bench, compare, episodes, evaluate, experiment, homes, models, scenes
 from thinknav_trainer.config import ConfigError, TrainConfig, change_config, load_config, presets
 from thinknav_trainer.demo import run_demo
 from thinknav_trainer.dumps import TrainingDiverged
@@ -58,6 +58,7 @@ app.add_typer(scenes.app, name="scenes")
 app.command("ask")(ask.ask)
 app.command("eval")(evaluate.evaluate)
 app.command("compare")(compare.compare_runs)
+app.command("experiment")(experiment.experiment)
 app.add_typer(models.app, name="models")
 
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="e.g. --set ppo.lr=1e-4")]

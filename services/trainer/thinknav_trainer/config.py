@@ -56,16 +56,41 @@ class ScenesConfig(Section):
         return self
 
 
+PRIVILEGED = "privileged"
+
+
+class PrivilegedConfig(Section):
+    """The planner that knows the map, for experiments: what planner.url `privileged` stands for."""
+
+    error: float = Field(0.0, ge=0, le=1, description="privileged planner: share of its answers redrawn at random")
+    errors_repeat: bool = Field(
+        False,
+        description="privileged planner: whether it says the same, right or wrong, whenever asked in the same place",
+    )
+    says_stop: bool = Field(True, description="privileged planner: whether it says stop, or forward in its place")
+    shuffled: bool = Field(
+        False, description="privileged planner: whether each agent gets the answer to another one (a control)"
+    )
+
+
 class PlannerConfig(Section):
     """The planning service, and what opens it. A bare URL in place of this section stands for its url."""
 
     url: str = Field(
-        "http://127.0.0.1:8765", description="where it is: http(s)://… or zenoh(s)://…, several separated by commas"
+        "http://127.0.0.1:8765",
+        description="where it is: http(s)://… or zenoh(s)://…, several separated by commas; privileged: no service, "
+        "but the simulator's shortest path, for experiments (docs/experiments.md)",
     )
     token_file: Path | None = Field(
         None, description="file with one line name:token; without it the variable THINKNAV_PLANNER_TOKEN is used"
     )
     tls_ca: Path | None = Field(None, description="PEM file of the authority that signed its certificate")
+    privileged: PrivilegedConfig = PrivilegedConfig()
+
+    @property
+    def knows_the_map(self) -> bool:
+        """Whether it is told what no robot is."""
+        return self.url == PRIVILEGED
 
 
 class ThinkConfig(Section):

@@ -16,6 +16,7 @@ from thinknav_trainer.evaluate import Clock, Conditions, EpisodeRecord, play
 from thinknav_trainer.home_sets import HomeSet
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import PlannerClient
+from thinknav_trainer.planner.privileged import PrivilegedPlanner
 
 
 @dataclass(frozen=True)
@@ -74,7 +75,7 @@ def play_agent(
     records = play(agent.make, conditions, scenes, made, asked, interruption or Interruption())
     protocol = {
         "agent": name,
-        "privileged": agent.privileged,
+        "privileged": agent.privileged or isinstance(asked, PrivilegedPlanner),
         "obedience": vars(setting.obedience) if agent.thinks else None,
         "split": episodes.name,
         "episodes": len(records),

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.special import stdtrit
 
 
 def bootstrap_interval(
@@ -16,3 +17,12 @@ def bootstrap_interval(
     means = data[rng.integers(0, len(data), (resamples, len(data)))].mean(axis=1)
     tail = (1 - confidence) / 2
     return float(np.quantile(means, tail)), float(np.quantile(means, 1 - tail))
+
+
+def student_interval(values: Sequence[float], confidence: float = 0.95) -> tuple[float, float]:
+    """Student's interval of the mean, for a few values such as seeds': (low, high). Raises ValueError below two."""
+    if len(values) < 2:
+        raise ValueError(f"an interval needs at least two values, not {len(values)}")
+    data = np.asarray(values, float)
+    half = float(stdtrit(len(data) - 1, (1 + confidence) / 2) * data.std(ddof=1) / np.sqrt(len(data)))
+    return float(data.mean()) - half, float(data.mean()) + half

@@ -30,6 +30,7 @@ from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.forcing import FORCED_THINK
 from thinknav_trainer.patience import Patience
 from thinknav_trainer.planner import Answer, PlannerClient, encode_frame
+from thinknav_trainer.planner.privileged import PrivilegedPlanner
 from thinknav_trainer.plans import Plans
 from thinknav_trainer.recent_frames import RecentFrames
 from thinknav_trainer.rewards import REWARD_SCHEMES, Terms, ThinkStep
@@ -96,14 +97,19 @@ class ThinkingEnv:
         asking: Callable[[PlannerClient], Asking] = AskTogether,
         discount: float = 0.99,
     ) -> None:
-        """asking: how. discount: the learner's, for reward schemes that go by it."""
+        """asking: how; a privileged planner has a way of its own. discount: the learner's, for reward schemes that go
+        by it.
+        """
         if (planner is None) != (config.strategy == "never"):
             raise ValueError(f"strategy {config.strategy!r} {'needs a' if planner is None else 'takes no'} planner")
         self.env = env
         self.counts = ThinkCounts()
         self.parked: set[int] = set()
         self._config = config
-        self._asking = None if planner is None else asking(planner)
+        if isinstance(planner, PrivilegedPlanner):
+            self._asking: Asking | None = planner.asking(env)
+        else:
+            self._asking = None if planner is None else asking(planner)
         self._patience = Patience(config.patience)
         self._discount = discount
         self._scheme = REWARD_SCHEMES[config.reward]

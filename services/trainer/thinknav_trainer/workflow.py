@@ -11,6 +11,7 @@ from thinknav_trainer.episode_sets import EpisodeSet
 from thinknav_trainer.evaluate import Clock, EpisodeRecord, evaluate, write_evaluation
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import PlannerClient, PlannerError, connect, read_token
+from thinknav_trainer.planner.privileged import PrivilegedPlanner
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.recording import Recording
 from thinknav_trainer.run import Run, RunError, list_checkpoints, newest_checkpoint, read_config
@@ -36,6 +37,10 @@ def connect_if_thinking(config: TrainConfig, stack: ExitStack) -> PlannerClient 
     if config.think.strategy == "never":
         return None
     where = config.planner
+    if where.knows_the_map:
+        if config.think.strategy == "once":
+            raise ConfigError("planner.url privileged makes no plans: it does not go with think.strategy once")
+        return stack.enter_context(PrivilegedPlanner(where.privileged, config.seed))
     try:
         token = read_token(where.token_file)
         planner = stack.enter_context(connect(where.url, token=token, tls_ca=where.tls_ca))
@@ -134,6 +139,7 @@ def evaluate_checkpoint(
             "episodes": len(records),
             "actions": "greedy" if greedy else "sampled",
             "planner": None if planner is None else planner.info.identity,
+            "privileged": isinstance(planner, PrivilegedPlanner),
             "config": config.model_dump(mode="json"),
         }
         if not interrupted.requested:
