@@ -175,7 +175,7 @@ def test_agents_play_without_a_policy(tmp_path: Path, planning_service: str) -> 
     told = json.loads((tmp_path / "runs/evaluations/planner/result.json").read_text())
     assert told["protocol"]["planner"].startswith("scripted@")
     assert told["protocol"]["config"]["think"]["context"] == 3
-    assert told["summary"]["think_rate"]["mean"] >= 0.5
+    assert 0.2 <= told["summary"]["think_rate"]["mean"] <= 0.5
 
 
 def test_ctrl_c_saves_a_checkpoint_and_resuming_goes_on(tmp_path: Path, planning_service: str) -> None:
