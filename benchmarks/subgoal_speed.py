@@ -2,8 +2,8 @@
 
     python benchmarks/subgoal_speed.py
 
-Times are processor time of the calling thread, the best of many repetitions, so that what else the machine does counts
-little.
+Asks about frames of a validation home: how long an answer takes depends on how many words it has. Times are processor
+time of the calling thread, the best of many repetitions, so that what else the machine does counts little.
 """
 
 import sys
@@ -12,8 +12,12 @@ from collections.abc import Callable
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 
 from thinknav_models.subgoal_vlm import MAX_RECENT, Question, SubgoalVLM
+from thinknav_sim.render import Camera, make_renderer
+from thinknav_trainer.bench.worlds import views_in
+from thinknav_trainer.model_training.frames import HomeSource
 
 REPETITIONS = 40
 
@@ -28,13 +32,21 @@ def milliseconds(work: Callable[[], object]) -> float:
     return 1e3 * best
 
 
+def frames_of_a_home(count: int, views: int, size: int) -> NDArray[np.uint8]:
+    """(count, views, size, size, 3)."""
+    home = HomeSource("val").scene(0)
+    with make_renderer() as renderer:
+        poses = views_in(home, count * views)
+        rgb, _ = renderer.render(np.full(len(poses), renderer.add_scene(home)), poses, Camera(size, size))
+        return rgb.reshape(count, views, size, size, 3).copy()
+
+
 def main() -> None:
     torch.set_num_threads(1)
     model, revision = SubgoalVLM.load()
-    rng = np.random.default_rng(0)
     rows = []
     for size, count, recent in ((128, 8, 0), (128, 32, 0), (128, 1, 0), (256, 8, 0), (128, 8, MAX_RECENT)):
-        frames = rng.integers(0, 256, (count, 1 + recent, size, size, 3), dtype=np.uint8)
+        frames = frames_of_a_home(count, 1 + recent, size)
         questions = [
             Question(views[0], "chair", tuple((view, 0.5) for view in views[1:]), temperature=1.0) for views in frames
         ]
