@@ -9,6 +9,7 @@ time of the calling thread, the best of many repetitions, so that what else the 
 import sys
 import time
 from collections.abc import Callable
+from contextlib import closing
 
 import numpy as np
 import torch
@@ -35,10 +36,11 @@ def milliseconds(work: Callable[[], object]) -> float:
 def frames_of_a_home(count: int, views: int, size: int) -> NDArray[np.uint8]:
     """(count, views, size, size, 3)."""
     home = HomeSource("val").scene(0)
-    with make_renderer() as renderer:
+    with closing(make_renderer()) as renderer:
         poses = views_in(home, count * views)
         rgb, _ = renderer.render(np.full(len(poses), renderer.add_scene(home)), poses, Camera(size, size))
-        return rgb.reshape(count, views, size, size, 3).copy()
+        frames: NDArray[np.uint8] = rgb.reshape(count, views, size, size, 3).copy()
+    return frames
 
 
 def main() -> None:

@@ -41,12 +41,13 @@ class NetworkConfig:
 class Memory:
     """What the decoder attends to, for N questions.
 
-    keys, values: one for each layer, (N, heads, places, width / heads). hidden: (N, 1, 1, places) bool, what is absent.
+    keys, values: one for each layer, (N, heads, places, width / heads). hidden: (N, 1, 1, places) bool, what is absent;
+    None where nothing is.
     """
 
     keys: list[Tensor]
     values: list[Tensor]
-    hidden: Tensor
+    hidden: Tensor | None
 
 
 def _convolution(inputs: int, outputs: int, size: int, stride: int, padding: int) -> list[nn.Module]:
@@ -139,10 +140,12 @@ class DecoderLayer(nn.Module):
         if past is not None:
             key, value = torch.cat([past[0], key], dim=2), torch.cat([past[1], value], dim=2)
         length = x.shape[1]
-        future = torch.ones(length, key.shape[2], dtype=torch.bool).triu(key.shape[2] - length + 1)
+        future = None  # nothing lies after a single token
+        if length > 1:
+            future = torch.ones(length, key.shape[2], dtype=torch.bool).triu(key.shape[2] - length + 1)
         return x + self.self_out(_joined(_attention(query, key, value, future))), (key, value)
 
-    def attend_to_views(self, x: Tensor, key: Tensor, value: Tensor, hidden: Tensor) -> Tensor:
+    def attend_to_views(self, x: Tensor, key: Tensor, value: Tensor, hidden: Tensor | None) -> Tensor:
         """Cross-attention of tokens (N x G, L, width) to the memory of N questions, G goals each."""
         questions, (rows, length, width) = len(key), x.shape
         (query,) = self.split(self.cross_q(self.cross_norm(x)).view(questions, -1, width), 1)
@@ -151,10 +154,12 @@ class DecoderLayer(nn.Module):
         return x + mlp
 
 
-def _attention(query: Tensor, key: Tensor, value: Tensor, hidden: Tensor) -> Tensor:
+def _attention(query: Tensor, key: Tensor, value: Tensor, hidden: Tensor | None) -> Tensor:
     """Written out: for a few queries of size 32, torch's fused attention takes three times as long on a CPU."""
     scores = query @ key.transpose(-1, -2) * (key.shape[-1] ** -0.5)
-    attended: Tensor = scores.masked_fill(hidden, -math.inf).softmax(dim=-1).to(value.dtype) @ value
+    if hidden is not None:
+        scores = scores.masked_fill(hidden, -math.inf)
+    attended: Tensor = scores.softmax(dim=-1).to(value.dtype) @ value
     return attended
 
 
@@ -198,7 +203,7 @@ class SubgoalNetwork(nn.Module):
         questions, count = views.shape[0], views.shape[1] - 1
         present = self.present(features.flatten(2).transpose(1, 2)) + self.place
         tokens = present[views[:, 0]]
-        absent = torch.zeros(questions, GRID * GRID, dtype=torch.bool)
+        hidden = None
         if count:
             pooled = functional.adaptive_avg_pool2d(features, POOLED).flatten(2).transpose(1, 2)
             earlier = (self.earlier(pooled) + self.earlier_place)[views[:, 1:].clamp(min=0)]
@@ -206,10 +211,11 @@ class SubgoalNetwork(nn.Module):
             earlier = earlier + self.heading(turned.to(earlier.dtype))[:, :, None]
             tokens = torch.cat([tokens, earlier.flatten(1, 2)], dim=1)
             missing = (views[:, 1:] < 0)[:, :, None].expand(-1, -1, POOLED * POOLED)
-            absent = torch.cat([absent, missing.flatten(1)], dim=1)
+            absent = torch.cat([torch.zeros(questions, GRID * GRID, dtype=torch.bool), missing.flatten(1)], dim=1)
+            hidden = absent[:, None, None]
         tokens = self.memory_norm(tokens)
         pairs = [layer.split(layer.cross_kv(tokens), 2) for layer in self.decoder_layers]
-        return Memory([key for key, _ in pairs], [value for _, value in pairs], absent[:, None, None])
+        return Memory([key for key, _ in pairs], [value for _, value in pairs], hidden)
 
     @property
     def decoder_layers(self) -> list[DecoderLayer]:
