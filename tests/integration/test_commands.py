@@ -53,15 +53,16 @@ def one_line(process: "subprocess.CompletedProcess[str]") -> str:
     return process.stderr.strip().splitlines()[-1]
 
 
-def processes_of(words: Sequence[str]) -> list[int]:
-    """Processes whose command line holds all the words."""
+def processes_of(words: Sequence[str], folder: Path) -> list[int]:
+    """Processes that work in a folder and whose command line holds all the words."""
     found = []
     for entry in Path("/proc").glob("[0-9]*"):
         try:
             command = (entry / "cmdline").read_bytes().decode(errors="replace")
+            at = (entry / "cwd").resolve(strict=True)
         except OSError:
             continue
-        if all(word in command for word in words):
+        if at == folder.resolve() and all(word in command for word in words):
             found.append(int(entry.name))
     return found
 
@@ -215,20 +216,20 @@ def test_demo_reports_and_leaves_no_process(tmp_path: Path) -> None:
     page = tmp_path / "made-by-the-demo-test/demo/report.html"
     assert "untrained" in page.read_text()
     assert f"report: {page.relative_to(tmp_path)}" in process.stdout
-    assert not processes_of(["thinknav-server", "--until-eof"])
+    assert not processes_of(["thinknav-server", "--until-eof"], tmp_path)
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143), (signal.SIGKILL, -9)])
 def test_a_demo_that_is_ended_leaves_no_process(tmp_path: Path, number: signal.Signals, status: int) -> None:
     with started(tmp_path, *SMALL_DEMO, "--set", "total_steps=1000000") as process:
         wait_for(tmp_path / "runs/demo/metrics.jsonl", process)
-        assert processes_of(["thinknav-server", "--until-eof"])
+        assert processes_of(["thinknav-server", "--until-eof"], tmp_path)
         process.send_signal(number)
         _, said = process.communicate(timeout=TIMEOUT_S)
     assert process.returncode == status, said
     until = time.monotonic() + 30
-    while processes_of(["thinknav-server", "--until-eof"]) and time.monotonic() < until:
+    while processes_of(["thinknav-server", "--until-eof"], tmp_path) and time.monotonic() < until:
         time.sleep(0.1)
-    assert not processes_of(["thinknav-server", "--until-eof"])
+    assert not processes_of(["thinknav-server", "--until-eof"], tmp_path)
     if number != signal.SIGKILL:
         assert len(list((tmp_path / "runs/demo/checkpoints").glob("*.pt"))) >= 2
