@@ -21,7 +21,6 @@ from thinknav_trainer.thoughts import Thought
 BLOCKED_M = 0.05
 # Turns away from what blocks, where no way is free.
 TURNS_AWAY = 3
-TURN_DEGREES = 10
 
 
 @dataclass(frozen=True)
@@ -110,7 +109,7 @@ class ObedientAgent:
         """Whether a turn would undo the one before, or close a circle, without a step forward since."""
         if state.turned is None:
             return False
-        return turn != state.turned or state.times_turned * self._obedience.turns * TURN_DEGREES >= 360
+        return turn != state.turned or state.times_turned * self._obedience.turns * self._config.turn_angle >= 360
 
     def _next(self, state: _State, gps: NDArray[np.float32]) -> Action:
         if state.place is not None and float(np.linalg.norm(gps - state.place)) < BLOCKED_M:
