@@ -66,6 +66,7 @@ class CountingEnv:
         return {
             "gps": np.stack([envs, self.steps[envs]], axis=1).astype(np.float32),
             "objectgoal": np.zeros((len(envs), 1), np.int64),
+            "rgb": np.zeros((len(envs), 1, 1, 3), np.uint8),
         }
 
     def reset(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:

@@ -6,7 +6,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from thinknav_trainer.rollout import Rollout, cut_sequences, generalized_advantages
+from thinknav_trainer.rollout import SEQUENCES_STEP, TRANSITIONS_STEP, Rollout, cut_sequences, generalized_advantages
 
 
 def slow_advantage(
@@ -85,4 +85,17 @@ def test_selected_sequences_lay_out_their_own_transitions(data: st.DataObject, l
         laid_out = transitions[sequences.index[:, column]][sequences.mask[:, column]]
         assert laid_out.tolist() == list(range(start, start + length))
         assert sequences.hidden[0, 0, column, 0] == sequence
-    assert sorted(transitions[sequences.index[sequences.mask]].tolist()) == sorted(transitions.tolist())
+    everyone = transitions[sequences.index[sequences.mask]].tolist()
+    assert sorted(everyone) == sorted(set(transitions.tolist()))
+
+
+@settings(deadline=None, max_examples=50)
+@given(lengths=st.lists(st.integers(1, 5), min_size=1, max_size=30))
+def test_minibatches_come_in_few_sizes(lengths: list[int]) -> None:
+    made = rollout(lengths)
+    transitions, sequences = made.select(np.arange(len(lengths)))
+    assert len(transitions) % TRANSITIONS_STEP == 0
+    assert len(transitions) - sum(lengths) < TRANSITIONS_STEP
+    assert sequences.index.shape[1] == sequences.hidden.shape[2] == sequences.mask.shape[1]
+    assert sequences.index.shape[1] % SEQUENCES_STEP == 0
+    assert sequences.index.max() < len(transitions)

@@ -12,7 +12,6 @@ from torch import Tensor
 from thinknav_trainer.forcing import FORCED_THINK, acting_log_probs
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.precision import Precision, autocast
-from thinknav_trainer.threads import torch_threads
 
 NO_ACTION = -1
 
@@ -67,8 +66,7 @@ class Actor:
 
         `decide` and `values` take observations looked at or not.
         """
-        with torch_threads(1):
-            return {name: values.numpy() for name, values in self._policy.vision.look(_tensors(observations)).items()}
+        return {name: values.numpy() for name, values in self._policy.vision.look(_tensors(observations)).items()}
 
     @torch.no_grad()
     def decide(self, observations: Mapping[str, NDArray[Any]], agents: Rows = EVERYONE) -> Decision:
@@ -106,8 +104,7 @@ class Actor:
     def _forward(
         self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
-        # The products of one step are small: a second thread would cost more in waiting than it gives.
-        with autocast(self._precision), torch_threads(1):
+        with autocast(self._precision):
             return self._policy.step(_tensors(observations), previous, hidden)
 
     def state_dict(self) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from thinknav_trainer.planner import Answer
 from thinknav_trainer.rollout import Rollout
 from thinknav_trainer.thinking import EpisodeEnd, Step, ThinkingEnv
 from thinknav_trainer.thoughts import Thought
+from thinknav_trainer.threads import torch_threads
 from thinknav_trainer.timing import Stopwatch
 from thinknav_trainer.transitions import TransitionLog, Transitions
 from thinknav_trainer.workers import Lone, Workers
@@ -52,6 +53,7 @@ class Collector:
         self._to_decide = np.arange(env.num_envs)
         self._decision = actor.no_decision()
 
+    @torch_threads(1)
     def collect(self) -> Rollout:
         """num_steps transitions for each env on average, and less than one more; an env that waits gives fewer.
 

@@ -163,8 +163,13 @@ class PPOConfig(Section):
 
 
 class WarmStartConfig(Section):
-    """Imitating an agent that thinks and obeys, before learning from rewards."""
+    """Imitating an agent, before learning from rewards."""
 
+    demonstrator: Literal["planner", "bump-walker"] = Field(
+        "planner",
+        description="the agent to imitate, of those of `thinknav eval --agent`: planner thinks and obeys; bump-walker "
+        "never thinks",
+    )
     steps: int = Field(0, ge=0, description="environment steps of demonstrations, part of total_steps; 0: none")
     epochs: int = Field(4, ge=1, description="passes over a rollout of demonstrations")
     lr: float = Field(1e-3, gt=0, description="Adam's learning rate while imitating")
@@ -221,8 +226,11 @@ class TrainConfig(Section):
             raise ValueError("env.think_action follows from think.strategy; set that instead")
         if self.think.forced and self.think.strategy != "agent":
             raise ValueError(f"think.forced is for strategy agent, not {self.think.strategy}")
-        if self.warm_start.steps and self.think.strategy != "agent":
-            raise ValueError(f"warm_start shows how to think: it needs think.strategy agent, not {self.think.strategy}")
+        if self.warm_start.steps and self.warm_start.demonstrator == "planner" and self.think.strategy != "agent":
+            raise ValueError(
+                "warm_start.demonstrator planner shows how to think: it needs think.strategy agent, not "
+                f"{self.think.strategy}; bump-walker does not"
+            )
         return self
 
     @property

@@ -24,6 +24,7 @@ from thinknav_trainer.progress import progress_bar
 from thinknav_trainer.records import EpisodeRecord, read_evaluation, summarize, write_evaluation
 from thinknav_trainer.thinking import EpisodeEnd, ThinkingEnv
 from thinknav_trainer.thoughts import Thought
+from thinknav_trainer.threads import torch_threads
 from thinknav_trainer.witness import Witness
 
 __all__ = [
@@ -87,6 +88,7 @@ def evaluate(
     return play(make_agent, conditions, scenes, episodes, planner, interruption)
 
 
+@torch_threads(1)
 def play(
     make_agent: MakeAgent,
     conditions: Conditions,

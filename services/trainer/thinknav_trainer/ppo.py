@@ -32,7 +32,7 @@ class PPO:
     def __init__(self, policy: Policy, config: PPOConfig, seed: int = 0, workers: Workers = Lone()) -> None:
         self.policy = policy
         self.config = config
-        self.optimizer = torch.optim.Adam(policy.parameters(), lr=config.lr, eps=config.adam_eps)
+        self.optimizer = torch.optim.Adam(policy.parameters(), lr=config.lr, eps=config.adam_eps, fused=True)
         self._order = np.random.default_rng(seed)
         self._workers = workers
 

@@ -1,6 +1,6 @@
 """The frames that N agents have seen and may show a planner beside the present one (`think.context`).
 
-Which of them are worth keeping, `views` knows; this draws and encodes them, and forgets them with their episode.
+Which of them are worth keeping, `views` knows; this encodes them, and forgets them with their episode.
 """
 
 from collections.abc import Iterable
@@ -13,14 +13,16 @@ from thinknav_proto import Frame
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.config import ThinkConfig
 from thinknav_trainer.planner import encode_frame
+from thinknav_trainer.planner_frames import PlannerFrames
 from thinknav_trainer.views import RecentViews
 
 
 class RecentFrames:
     """Up to `config.context` - 1 frames of each agent, kept as they travel: encoded once, sent often."""
 
-    def __init__(self, env: ObjectNavVectorEnv, config: ThinkConfig) -> None:
+    def __init__(self, env: ObjectNavVectorEnv, frames: PlannerFrames, config: ThinkConfig) -> None:
         self._env = env
+        self._frames = frames
         self._config = config
         self._views: list[RecentViews[Frame]] = [RecentViews(config.context - 1) for _ in range(env.num_envs)]
 
@@ -32,8 +34,7 @@ class RecentFrames:
         new = [agent for agent in agents if self._views[agent].is_new(poses[agent])]
         if not new:
             return
-        size = self._config.frame_size
-        for agent, frame in zip(new, self._env.frames(np.array(new), size, size), strict=True):
+        for agent, frame in zip(new, self._frames.of(np.array(new)), strict=True):
             self._views[agent].see(poses[agent], encode_frame(frame, self._config.frame_encoding))
 
     def before(self, agent: int, pose: NDArray[np.float64]) -> tuple[Frame, ...]:

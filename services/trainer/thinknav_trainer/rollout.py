@@ -13,6 +13,9 @@ from torch import Tensor
 
 from thinknav_trainer.policy import Sequences
 
+# What the numbers of transitions and of sequences in a minibatch are filled up to multiples of.
+TRANSITIONS_STEP, SEQUENCES_STEP = 64, 8
+
 
 @dataclass(frozen=True)
 class Rollout:
@@ -41,20 +44,25 @@ class Rollout:
     def select(self, chosen: NDArray[np.int64]) -> tuple[Tensor, Sequences]:
         """The transitions of some sequences (B,) and how the policy should lay them out.
 
-        The sequences' index counts within these B; the order of `index[mask]` is a permutation of them that
-        `transitions[index[mask]]` undoes.
+        Both are filled up with repetitions that `mask` leaves out, so that there are few sizes of either: a processor's
+        matrix products are compiled anew for each.
+
+        The sequences' index counts within these transitions: `transitions[index[mask]]` has each one once.
         """
         starts, lengths = self.sequence_starts[chosen], self.sequence_lengths[chosen]
-        longest = int(lengths.max())
-        steps = np.arange(longest)[:, None]
-        mask = steps < lengths
+        filled = np.append(chosen, np.repeat(chosen[:1], -len(chosen) % SEQUENCES_STEP))
+        steps = np.arange(int(lengths.max()))[:, None]
         offsets = np.concatenate([[0], np.cumsum(lengths)[:-1]])
-        index = offsets + np.minimum(steps, lengths - 1)
+        index = np.zeros((len(steps), len(filled)), np.int64)
+        mask = np.zeros(index.shape, np.bool_)
+        index[:, : len(chosen)] = offsets + np.minimum(steps, lengths - 1)
+        mask[:, : len(chosen)] = steps < lengths
         transitions = np.concatenate([np.arange(s, s + n) for s, n in zip(starts, lengths, strict=True)])
+        transitions = np.append(transitions, np.repeat(transitions[:1], -len(transitions) % TRANSITIONS_STEP))
         sequences = Sequences(
             torch.from_numpy(index),
             torch.from_numpy(mask),
-            self.sequence_hidden[:, :, torch.from_numpy(chosen)],
+            self.sequence_hidden[:, :, torch.from_numpy(filled)],
         )
         return torch.from_numpy(transitions), sequences
 

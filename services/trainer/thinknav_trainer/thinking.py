@@ -31,6 +31,7 @@ from thinknav_trainer.forcing import FORCED_THINK
 from thinknav_trainer.patience import Patience
 from thinknav_trainer.planner import Answer, PlannerClient, encode_frame
 from thinknav_trainer.planner.privileged import PrivilegedPlanner
+from thinknav_trainer.planner_frames import PlannerFrames
 from thinknav_trainer.plans import Plans
 from thinknav_trainer.recent_frames import RecentFrames
 from thinknav_trainer.rewards import REWARD_SCHEMES, Terms, ThinkStep
@@ -121,7 +122,8 @@ class ThinkingEnv:
         self._planner = planner
         self._term_sums: dict[str, NDArray[np.float64]] = {}
         self._request_number = 0
-        self._frames = RecentFrames(env, config)
+        self._frames = PlannerFrames(env, config.frame_size)
+        self._recent = RecentFrames(env, self._frames, config)
         self._round = 0  # of looking for replies, since the run began
         self.texts: dict[str, NDArray[np.float32]] = {}  # what was embedded so far
         self._descriptions = self.embed([task_description(category) for category in GOAL_CATEGORIES])
@@ -143,7 +145,7 @@ class ThinkingEnv:
         """Start all episodes anew."""
         observations, _ = self.env.reset()
         self._to_judge[:] = NOTHING_TO_JUDGE
-        self._frames.forget(range(self.num_envs))
+        self._recent.forget(range(self.num_envs))
         self._steps[:] = 0
         self._standing[:] = 0
         for env in range(self.num_envs):
@@ -152,6 +154,7 @@ class ThinkingEnv:
             sums[:] = 0
         if self._asking is not None:
             observations["thought"] = self._descriptions[observations["objectgoal"][:, 0]]
+            self._frames.observe(np.arange(self.num_envs), observations["rgb"])
         self._show_forcing(observations, np.arange(self.num_envs))
         return observations
 
@@ -167,7 +170,7 @@ class ThinkingEnv:
         """Park these envs: show the planner what they see."""
         if self._asking is None or not len(envs):
             return
-        self._frames.look(envs.tolist())
+        self._recent.look(envs.tolist())
         goals = [self._goal(env) for env in envs.tolist()]
         self._asking.ask(dict(zip(envs.tolist(), self._requests(envs, goals), strict=True)))
         self.parked.update(envs.tolist())
@@ -195,7 +198,7 @@ class ThinkingEnv:
     ) -> Step:
         """Step these envs (n,) with their actions (n,); `replies` has those to the thinks among them."""
         thoughts = [Thought(env, self._goal(env), reply, self._round) for env, reply in sorted(replies.items())]
-        self._frames.look(envs.tolist())
+        self._recent.look(envs.tolist())
         observations, rewards, terminated, truncated, infos = self.env.step_subset(envs, actions)
         terms: Terms = dict(infos["reward_terms"])
         extra = self._scheme(self._judged(envs, actions, terms["progress"], terminated), self._config)
@@ -207,6 +210,7 @@ class ThinkingEnv:
         final = {int(row): dict(infos["final_obs"][row]) for row in np.flatnonzero(done)}
         if self._asking is not None:
             self._show_thoughts(observations, final, told, done)
+            self._frames.observe(envs, observations["rgb"])
         ended = self._end_episodes(envs, infos, terms, done)
         self._steps[envs] = np.where(done, 0, self._steps[envs] + 1)
         self._show_forcing(observations, envs)
@@ -268,10 +272,9 @@ class ThinkingEnv:
             self._to_judge[env] = direction
 
     def _requests(self, envs: NDArray[np.integer[Any]], goals: Sequence[str]) -> list[SubgoalRequest]:
-        size = self._config.frame_size
         poses = self.env.poses
         requests = []
-        for env, frame, goal in zip(envs.tolist(), self.env.frames(envs, size, size), goals, strict=True):
+        for env, frame, goal in zip(envs.tolist(), self._frames.of(envs), goals, strict=True):
             self._request_number += 1
             requests.append(
                 SubgoalRequest(
@@ -279,7 +282,7 @@ class ThinkingEnv:
                     goal=goal,
                     frame=encode_frame(frame, self._config.frame_encoding),
                     mode="plan" if self._config.strategy == "once" else "subgoal",
-                    recent=self._frames.before(env, poses[env]),
+                    recent=self._recent.before(env, poses[env]),
                     temperature=self._config.temperature,
                     deadline=self._config.deadline,
                 )
@@ -338,7 +341,7 @@ class ThinkingEnv:
             sums = {name: float(values[env]) for name, values in self._term_sums.items()}
             ended.append(EpisodeEnd(env, int(infos["episode_index"][row]), measures, sums))
         self._to_judge[envs[done]] = NOTHING_TO_JUDGE
-        self._frames.forget(envs[done].tolist())
+        self._recent.forget(envs[done].tolist())
         self._standing[envs[done]] = 0
         for env in envs[done].tolist():
             self._plans.forget(env)
@@ -357,7 +360,7 @@ class ThinkingEnv:
             "term_sums": {name: values.copy() for name, values in self._term_sums.items()},
             "counts": asdict(self.counts) | {"asked": self.counts.asked - len(self.parked)},
             "request_number": self._request_number,
-            "frames": self._frames.state_dict(),
+            "frames": self._recent.state_dict(),
             "round": self._round,
             "parked": sorted(self.parked),
         }
@@ -372,6 +375,7 @@ class ThinkingEnv:
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on exactly where `state_dict` was taken."""
         self.env.load_state_dict(state["env"])
+        self._frames.forget()
         self._steps = state["steps"].copy()
         self._to_judge = state["to_judge"].copy()
         self._standing = state["standing"].copy()
@@ -379,6 +383,6 @@ class ThinkingEnv:
         self._term_sums = {name: values.copy() for name, values in state["term_sums"].items()}
         self.counts = ThinkCounts(**state["counts"])
         self._request_number = state["request_number"]
-        self._frames.load_state_dict(state["frames"])
+        self._recent.load_state_dict(state["frames"])
         self._round = state["round"]
         self.think(np.array(state["parked"], np.int64))

@@ -20,11 +20,11 @@ from thinknav_sim.render import set_render_threads
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.actor import Actor
+from thinknav_trainer.agents import AGENTS
 from thinknav_trainer.asking import AskApart, Asking, AskTogether
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.collector import RECENT_EPISODES, Collector
 from thinknav_trainer.config import TrainConfig
-from thinknav_trainer.demonstrators import MakeDemonstrator, think_and_obey
 from thinknav_trainer.dumps import NotFinite, TrainingDiverged
 from thinknav_trainer.evaluate import evaluate
 from thinknav_trainer.interrupt import Interruption
@@ -74,15 +74,13 @@ def train(
     interruption: Interruption,
     resume_from: Checkpoint | None = None,
     recording: Recording | None = None,
-    demonstrator: MakeDemonstrator = think_and_obey,
     workers: Workers = Lone(),
 ) -> Path:
     """Collect, learn, log, save, until the step budget is spent or the user interrupts; the last checkpoint's path.
 
     With a warm start, imitate first.
-    recording: replies come from it, in its order, and `planner` is the one that it recorded. demonstrator: whom the
-    policy imitates in `config.warm_start`. workers: those that train this policy; each calls `train`, and the first
-    writes it down.
+    recording: replies come from it, in its order, and `planner` is the one that it recorded. workers: those that train
+    this policy; each calls `train`, and the first writes it down.
     Raises TrainingDiverged, Unavailable when the planner has been gone too long, and WorkerLost.
     """
     config = run.config
@@ -91,7 +89,7 @@ def train(
     if resume_from is None:
         run.checkpoint(snapshot(session, config))
     if session.steps < config.warm_start.steps:
-        imitate(session, run, demonstrator, interruption)
+        imitate(session, run, interruption)
     started = time.monotonic()
     due = session.steps + config.checkpoint_every
     with progress_bar("training", config.total_steps, session.steps) as bar:
@@ -126,12 +124,12 @@ def improve(session: Session, run: Run | RunElsewhere) -> tuple[dict[str, float]
     return losses, len(rollout)
 
 
-def imitate(session: Session, run: Run | RunElsewhere, make: MakeDemonstrator, interruption: Interruption) -> None:
+def imitate(session: Session, run: Run | RunElsewhere, interruption: Interruption) -> None:
     """The warm start: demonstrations and cloning in turn, then new episodes for PPO, and a checkpoint."""
     config = run.config
     workers = session.workers
     seed = seed_of(config.seed, workers.rank)
-    demonstrator = make(session.env, seed)
+    demonstrator = AGENTS[config.warm_start.demonstrator].make(session.env, seed)
     shown = Demonstrations(session.env, session.actor, demonstrator, session.collector, config.ppo)
     cloner = Cloner(session.learner.policy, config.warm_start, config.ppo, seed, workers)
     with progress_bar("imitating", config.warm_start.steps, session.steps) as bar:

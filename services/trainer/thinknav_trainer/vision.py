@@ -15,7 +15,8 @@ from thinknav_models.clip.image import ClipImageEncoder
 from thinknav_trainer.config import PolicyConfig
 
 COARSE_DEPTH = 32  # pixels, each way: enough to see what is in the way
-DEPTH_CHANNELS = (16, 32, 32)
+PATCH = 8  # of them, each way: as many patches as the CLIP's features have cells
+PATCH_FEATURES = 32
 
 
 class EmbeddingSpaceError(ValueError):
@@ -57,28 +58,19 @@ class ClipVision(Vision):
 
     def __init__(self, encoder: ClipImageEncoder, out_features: int) -> None:
         super().__init__()
-        first, second, third = DEPTH_CHANNELS
-        self.depth = nn.Sequential(
-            nn.Conv2d(1, first, kernel_size=4, stride=2, padding=1),
-            nn.ReLU(),
-            nn.Conv2d(first, second, kernel_size=4, stride=2, padding=1),
-            nn.ReLU(),
-            nn.Conv2d(second, third, kernel_size=4, stride=2, padding=1),
-            nn.ReLU(),
-            nn.Flatten(),
-        )
-        flat = third * (COARSE_DEPTH // 8) ** 2
+        self.depth = nn.Sequential(nn.Linear(PATCH**2, PATCH_FEATURES), nn.ReLU(), nn.Flatten())
+        flat = PATCH_FEATURES * (COARSE_DEPTH // PATCH) ** 2
         self.linear = nn.Sequential(nn.Linear(encoder.feature_size + flat, out_features), nn.ReLU())
         self._encoder = encoder  # no module: neither trained nor saved with a policy
         _initialize(self)
 
     def look(self, observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """`sight` (B, feature_size) and `coarse_depth` (B, 1, 32, 32), both float16, in place of the pictures."""
+        """`sight` (B, feature_size) and `coarse_depth` (B, patches, pixels), both float16, in place of the pictures."""
         if "sight" in observations:
             return dict(observations)
-        depth = functional.adaptive_avg_pool2d(observations["depth"].permute(0, 3, 1, 2), COARSE_DEPTH)
         sight = self._encoder.features(observations["rgb"])
-        return _without_pictures(observations) | {"sight": sight, "coarse_depth": depth.to(torch.float16)}
+        depth = _patches(_coarse(observations["depth"][..., 0])).to(torch.float16)
+        return _without_pictures(observations) | {"sight": sight, "coarse_depth": depth}
 
     def prepare(self, looked: Mapping[str, Tensor]) -> dict[str, Tensor]:
         dtype = _dtype_in_force()
@@ -140,6 +132,21 @@ class LearntVision(Vision):
     def forward(self, prepared: Mapping[str, Tensor]) -> Tensor:
         features: Tensor = self.linear(self.convolutions(prepared["image"].permute(0, 3, 1, 2)))
         return features
+
+
+def _coarse(depth: Tensor) -> Tensor:
+    """Depth (B, H, W) averaged to (B, COARSE_DEPTH, COARSE_DEPTH)."""
+    height, width = depth.shape[1:]
+    if height % COARSE_DEPTH or width % COARSE_DEPTH:
+        return functional.adaptive_avg_pool2d(depth, COARSE_DEPTH)
+    # The same, by the faster of two ways.
+    return functional.avg_pool2d(depth, (height // COARSE_DEPTH, width // COARSE_DEPTH))
+
+
+def _patches(image: Tensor) -> Tensor:
+    """Images (B, H, W) cut into squares, row by row: (B, patches, PATCH * PATCH)."""
+    rows, columns = image.shape[1] // PATCH, image.shape[2] // PATCH
+    return image.view(-1, rows, PATCH, columns, PATCH).transpose(2, 3).reshape(-1, rows * columns, PATCH**2)
 
 
 def _without_pictures(observations: Mapping[str, Tensor]) -> dict[str, Tensor]:

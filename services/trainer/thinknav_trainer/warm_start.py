@@ -12,15 +12,16 @@ import torch
 
 from thinknav_sim.observations import Observations
 from thinknav_trainer.actor import Actor
+from thinknav_trainer.agents import Agent
 from thinknav_trainer.collector import Collector, timeout_bonus
 from thinknav_trainer.config import PPOConfig, WarmStartConfig
 from thinknav_trainer.data_parallel import average_gradients
-from thinknav_trainer.demonstrators import Demonstrator
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.precision import autocast
 from thinknav_trainer.rollout import Rollout
 from thinknav_trainer.thinking import ThinkingEnv
 from thinknav_trainer.thoughts import Thought
+from thinknav_trainer.threads import torch_threads
 from thinknav_trainer.transitions import TransitionLog, Transitions
 from thinknav_trainer.workers import Lone, Workers
 
@@ -29,7 +30,7 @@ class Demonstrations:
     """Rollouts of what a demonstrator does, all envs in lock-step. The episodes count as the collector's."""
 
     def __init__(
-        self, env: ThinkingEnv, actor: Actor, demonstrator: Demonstrator, collector: Collector, config: PPOConfig
+        self, env: ThinkingEnv, actor: Actor, demonstrator: Agent, collector: Collector, config: PPOConfig
     ) -> None:
         self._env = env
         self._actor = actor
@@ -40,6 +41,7 @@ class Demonstrations:
         self._thoughts: list[Thought] = []
         actor.forget_everything()
 
+    @torch_threads(1)
     def collect(self) -> Rollout:
         """num_steps of each env; the log-probabilities are those that the policy gives to what was done."""
         log = TransitionLog()
@@ -84,7 +86,7 @@ class Cloner:
         self._policy = policy
         self._config = config
         self._ppo = ppo
-        self._optimizer = torch.optim.Adam(policy.parameters(), lr=config.lr, eps=ppo.adam_eps)
+        self._optimizer = torch.optim.Adam(policy.parameters(), lr=config.lr, eps=ppo.adam_eps, fused=True)
         self._order = np.random.default_rng((seed, 1))
         self._workers = workers
 

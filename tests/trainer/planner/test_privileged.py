@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from tests.trainer.obeying import ThinkAndObey
 from thinknav_proto import PlannerFailed, SubgoalReply, SubgoalRequest
 from thinknav_sim.follower import ShortestPathFollower
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.config import ConfigError, PrivilegedConfig, TrainConfig, change_config
-from thinknav_trainer.demonstrators import think_and_obey
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.evaluate import Conditions, EpisodeRecord, play
 from thinknav_trainer.evaluate_agent import Setting, evaluate_agent
@@ -106,7 +106,14 @@ def test_shuffled_answers_say_nothing_of_the_way(env: ObjectNavVectorEnv) -> Non
 def obeyed(smoke: TrainConfig, homes: Homes, config: PrivilegedConfig) -> list[EpisodeRecord]:
     conditions = Conditions(smoke.env.model_copy(update={"max_steps": 300}), smoke.think, num_envs=4)
     planner = PrivilegedPlanner(config, seed=1)
-    return play(think_and_obey, conditions, homes.scenes, homes.train[:16], planner, Interruption())
+    return play(
+        lambda env, _: ThinkAndObey(env.num_envs),
+        conditions,
+        homes.scenes,
+        homes.train[:16],
+        planner,
+        Interruption(),
+    )
 
 
 def test_who_obeys_it_arrives_and_who_obeys_another_ones_planner_does_not(smoke: TrainConfig, homes: Homes) -> None:

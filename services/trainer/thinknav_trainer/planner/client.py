@@ -29,8 +29,12 @@ from thinknav_trainer.planner.transport import Transport
 
 Answer = SubgoalReply | PlannerError
 
-# More requests than this are not under way at once; the others wait for one of them.
+# More bodies than this are not under way at once; the others wait for one of them.
 MAX_OUTSTANDING = 256
+
+# Requests that travel in one body where none should wait long for another's answer. A body costs as much as answering
+# a request does; but one request that is never answered keeps the replies to all of its body until its deadline.
+TOGETHER = 8
 
 # Room in a body for all but the frames: ids, goals and the map around them.
 _ENVELOPE_BYTES = 4096
@@ -61,7 +65,7 @@ class PlannerClient:
         self._info = transport.info()
         self._counts = Counts()
         self._counting = threading.Lock()
-        self._threads: DaemonThreads[Answer] = DaemonThreads(MAX_OUTSTANDING, "planner-client")
+        self._threads: DaemonThreads[list[Answer]] = DaemonThreads(MAX_OUTSTANDING, "planner-client")
 
     def __enter__(self) -> Self:
         return self
@@ -98,9 +102,15 @@ class PlannerClient:
     def submit(self, requests: Sequence[SubgoalRequest]) -> list[Future[Answer]]:
         """One future reply or error for each request, in their order. Does not block.
 
-        Each travels alone, so that none waits for another's answer. Futures whose client is closed may never be done.
+        A few travel together, so that none waits long for another's answer. Futures whose client is closed may never
+        be done.
         """
-        return [self._threads.submit(partial(self._ask_alone, request)) for request in requests]
+        bodies = [requests[start : start + TOGETHER] for start in range(0, len(requests), TOGETHER)]
+        return [
+            future
+            for body in bodies
+            for future in _one_by_one(self._threads.submit(partial(self.ask, body)), len(body))
+        ]
 
     def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
         """The embeddings (N, 512) float32 of N texts, in `info.embedding_space`. Raises PlannerError."""
@@ -112,10 +122,6 @@ class PlannerClient:
         """Close the transport. Nobody hears what is still under way."""
         self._threads.close()
         self._transport.close()
-
-    def _ask_alone(self, request: SubgoalRequest) -> Answer:
-        [answer] = self.ask([request])
-        return answer
 
     def _ask_body(self, requests: Sequence[SubgoalRequest]) -> list[Answer]:
         try:
@@ -148,6 +154,24 @@ class PlannerClient:
         if len(reply.embeddings) != len(texts):
             raise ProtocolMismatch(f"the service gave {len(reply.embeddings)} embeddings of {len(texts)} texts")
         return reply.embeddings
+
+
+def _one_by_one(together: Future[list[Answer]], count: int) -> list[Future[Answer]]:
+    """A future of each of so many answers, done when all of them are there."""
+    each: list[Future[Answer]] = [Future() for _ in range(count)]
+
+    def give(done: Future[list[Answer]]) -> None:
+        if done.cancelled():
+            return
+        if (error := done.exception()) is not None:
+            for future in each:
+                future.set_exception(error)
+            return
+        for future, answer in zip(each, done.result(), strict=True):
+            future.set_result(answer)
+
+    together.add_done_callback(give)
+    return each
 
 
 def _bodies(requests: Sequence[SubgoalRequest], limits: Limits) -> Iterator[list[SubgoalRequest]]:
