@@ -25,5 +25,8 @@ class ThinkAndObey:
         chosen, self._told = self._told, np.full_like(self._told, Action.THINK)
         return chosen
 
+    def took(self, actions: NDArray[np.int64]) -> None:
+        """Who thinks instead waits for what it is told; who does anything else instead thinks next."""
+
     def ended(self, done: NDArray[np.bool_]) -> None:
         self._told[done] = Action.THINK

@@ -171,7 +171,14 @@ class WarmStartConfig(Section):
         "never thinks",
     )
     steps: int = Field(0, ge=0, description="environment steps of demonstrations, part of total_steps; 0: none")
-    epochs: int = Field(4, ge=1, description="passes over a rollout of demonstrations")
+    own_share: float = Field(
+        0.5,
+        ge=0,
+        le=1,
+        description="share of the envs in which, at last, the policy itself acts and is told what to do instead; it "
+        "grows from none",
+    )
+    epochs: int = Field(8, ge=1, description="passes over a rollout of demonstrations")
     lr: float = Field(1e-3, gt=0, description="Adam's learning rate while imitating")
     max_grad_norm: float = Field(1.0, gt=0, description="gradients are clipped to this norm while imitating")
 

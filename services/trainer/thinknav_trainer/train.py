@@ -20,7 +20,7 @@ from thinknav_sim.render import set_render_threads
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.actor import Actor
-from thinknav_trainer.agents import AGENTS
+from thinknav_trainer.agents import DEMONSTRATORS
 from thinknav_trainer.asking import AskApart, Asking, AskTogether
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.collector import RECENT_EPISODES, Collector
@@ -129,13 +129,13 @@ def imitate(session: Session, run: Run | RunElsewhere, interruption: Interruptio
     config = run.config
     workers = session.workers
     seed = seed_of(config.seed, workers.rank)
-    demonstrator = AGENTS[config.warm_start.demonstrator].make(session.env, seed)
+    demonstrator = DEMONSTRATORS[config.warm_start.demonstrator](session.env, seed)
     shown = Demonstrations(session.env, session.actor, demonstrator, session.collector, config.ppo)
     cloner = Cloner(session.learner.policy, config.warm_start, config.ppo, seed, workers)
     with progress_bar("imitating", config.warm_start.steps, session.steps) as bar:
         wanted = min(config.warm_start.steps, config.total_steps)
         while session.steps < wanted and not any_of(workers, interruption.requested):
-            rollout = shown.collect()
+            rollout = shown.collect(own=config.warm_start.own_share * session.steps / wanted)
             with session.collector.stopwatch("learn"):
                 losses = cloner.update(rollout)
             log_update(session, run, losses, len(rollout))

@@ -2,7 +2,9 @@
 
 The demonstrator acts in the run's own envs, with the run's own planner, and its steps count. Meanwhile the policy looks
 on: its LSTM follows what is done, and its critic learns what that is worth, so that PPO does not begin with a critic
-that knows nothing, and unlearn at once what was imitated.
+that knows nothing, and unlearn at once what was imitated. More and more envs are the policy's own, where it is told
+what the demonstrator would have done: who has only seen others do well does not know the way out of its own mistakes
+(Ross et al. 2011, DAgger).
 """
 
 from dataclasses import replace
@@ -12,7 +14,7 @@ import torch
 
 from thinknav_sim.observations import Observations
 from thinknav_trainer.actor import Actor
-from thinknav_trainer.agents import Agent
+from thinknav_trainer.agents import Demonstrator
 from thinknav_trainer.collector import Collector, timeout_bonus
 from thinknav_trainer.config import PPOConfig, WarmStartConfig
 from thinknav_trainer.data_parallel import average_gradients
@@ -30,7 +32,7 @@ class Demonstrations:
     """Rollouts of what a demonstrator does, all envs in lock-step. The episodes count as the collector's."""
 
     def __init__(
-        self, env: ThinkingEnv, actor: Actor, demonstrator: Agent, collector: Collector, config: PPOConfig
+        self, env: ThinkingEnv, actor: Actor, demonstrator: Demonstrator, collector: Collector, config: PPOConfig
     ) -> None:
         self._env = env
         self._actor = actor
@@ -42,18 +44,24 @@ class Demonstrations:
         actor.forget_everything()
 
     @torch_threads(1)
-    def collect(self) -> Rollout:
-        """num_steps of each env; the log-probabilities are those that the policy gives to what was done."""
+    def collect(self, own: float = 0.0) -> Rollout:
+        """num_steps of each env; its actions are those that the demonstrator names, whoever acts.
+
+        own: share of the envs in which the policy acts by itself.
+        """
         log = TransitionLog()
         stopwatch = self._collector.stopwatch
         self._collector.thoughts = []
+        alone = np.arange(self._env.num_envs) < round(own * self._env.num_envs)
         for _ in range(self._config.num_steps):
             with stopwatch("act"):
-                looked = self._actor.decide(self._observations)
-            chosen = self._demonstrator.actions(self._observations, self._thoughts)
-            decision = replace(looked, actions=torch.from_numpy(chosen))
+                chosen = self._actor.decide(self._observations)
+                named = self._demonstrator.actions(self._observations, self._thoughts)
+            taken = np.where(alone, chosen.actions.numpy(), named)
+            self._demonstrator.took(taken)
+            decision = replace(chosen, actions=torch.from_numpy(taken))
             with stopwatch("step"):
-                step = self._env.step(chosen)
+                step = self._env.step(taken)
             done = step.terminated | step.truncated
             log.add(
                 Transitions(
@@ -61,7 +69,7 @@ class Demonstrations:
                     observations=self._actor.look(self._observations),
                     hidden=self._actor.hidden,
                     previous_actions=self._actor.previous.numpy(),
-                    actions=chosen,
+                    actions=named,
                     log_probs=decision.log_probs.numpy(),
                     values=decision.values.numpy(),
                     rewards=step.rewards + timeout_bonus(self._actor, step, decision, self._config.gamma),

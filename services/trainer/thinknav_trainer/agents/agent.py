@@ -25,3 +25,10 @@ class Agent(Protocol):
 
     def ended(self, done: NDArray[np.bool_]) -> None:
         """Forget the episodes that ended with the last actions. done: (N,)."""
+
+
+class Demonstrator(Agent, Protocol):
+    """An agent that also says what to do where another one acts: it is told what was done between the two."""
+
+    def took(self, actions: NDArray[np.int64]) -> None:
+        """These actions (N,) were taken in the place of the last ones that it named."""

@@ -39,9 +39,10 @@ class BumpWalker:
         self._rng = np.random.default_rng(seed)
         self._turns = np.zeros(num_envs, np.int64)  # still to take, positive to the left
         self._places = np.full((num_envs, 2), np.inf, np.float32)  # gps before the last step; inf after anything else
+        self._gps = self._places
 
     def actions(self, observations: Observations, thoughts: Sequence[Thought]) -> NDArray[np.int64]:  # noqa: ARG002
-        gps = observations["gps"]
+        self._gps = gps = observations["gps"]
         blocked = np.linalg.norm(gps - self._places, axis=1) < BLOCKED_M
         turns = self._rng.integers(FEWEST_TURNS, MOST_TURNS + 1, len(gps)) * self._rng.choice([-1, 1], len(gps))
         self._turns[blocked] = turns[blocked]
@@ -50,6 +51,10 @@ class BumpWalker:
         self._turns -= np.sign(self._turns)
         self._places = np.where(turning[:, None], np.inf, gps).astype(np.float32)
         return np.where(turning, turn, Action.MOVE_FORWARD).astype(np.int64)
+
+    def took(self, actions: NDArray[np.int64]) -> None:
+        """See `Demonstrator.took`."""
+        self._places = np.where((actions == Action.MOVE_FORWARD)[:, None], self._gps, np.inf).astype(np.float32)
 
     def ended(self, done: NDArray[np.bool_]) -> None:
         self._turns[done] = 0

@@ -25,7 +25,7 @@ class FreeHeading:
     def see(self, depth: NDArray[np.float32], gps: NDArray[np.floating], compass: float) -> None:
         """Take in what the sensors show: depth (H, W, 1), gps (2,)."""
         self._pose = map_pose(gps, compass)
-        self._map.look(depth, self._pose)
+        self._map.look_for_obstacles(depth, self._pose)
 
     def bump(self) -> None:
         """A step ahead was not free, whatever the sensors show."""

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from thinknav_sim.task_config import Action
-from thinknav_trainer.agents.agent import Agent
+from thinknav_trainer.agents.agent import Agent, Demonstrator
 from thinknav_trainer.agents.baselines import BumpWalker, PerfectStop, RandomAgent, ShortestPathAgent
 from thinknav_trainer.agents.frontier import FrontierAgent
 from thinknav_trainer.agents.obedient import Obedience, ObedientAgent
@@ -34,6 +34,12 @@ def obedient(obedience: Obedience) -> NamedAgent:
         thinks=True,
     )
 
+
+# Whom a policy may imitate: `warm_start.demonstrator`. None of them is privileged.
+DEMONSTRATORS: dict[str, Callable[[ThinkingEnv, int], Demonstrator]] = {
+    "planner": lambda env, seed: ObedientAgent(env.num_envs, env.env.config),  # noqa: ARG005
+    "bump-walker": lambda env, seed: BumpWalker(env.num_envs, seed),
+}
 
 AGENTS: dict[str, NamedAgent] = {
     "planner": obedient(Obedience()),

@@ -73,14 +73,23 @@ class ObedientAgent:
     def __init__(self, num_envs: int, config: ObjectNavConfig, obedience: Obedience = Obedience()) -> None:
         self._config, self._obedience = config, obedience
         self._states = [_State(FreeHeading(config)) for _ in range(num_envs)]
+        self._gps = np.zeros((num_envs, 2), np.float32)
 
     def actions(self, observations: Observations, thoughts: Sequence[Thought]) -> NDArray[np.int64]:
         gps, depth, compass = observations["gps"], observations["depth"], observations["compass"][:, 0].tolist()
+        self._gps = gps
         for env, state in enumerate(self._states):
             state.free.see(depth[env], gps[env], compass[env])
         for thought in thoughts:
             self._obey(self._states[thought.env], thought)
         return np.array([self._next(state, gps[env]) for env, state in enumerate(self._states)], np.int64)
+
+    def took(self, actions: NDArray[np.int64]) -> None:
+        """See `Demonstrator.took`. Whoever thought in between hears something new, and forgets the plan."""
+        for state, action, gps in zip(self._states, actions.tolist(), self._gps, strict=True):
+            state.place = gps.copy() if action == Action.MOVE_FORWARD else None
+            if action == Action.THINK:
+                state.plan.clear()
 
     def ended(self, done: NDArray[np.bool_]) -> None:
         for env in np.flatnonzero(done):

@@ -59,15 +59,28 @@ class OccupancyMap:
         A cell is free when it is nearer than whatever is in the way of a body in the columns of the picture on both
         its sides. What blocks once blocks for good: nothing here moves.
         """
-        config = self._config
-        read = depth[*self._pixels, 0]
-        forward = config.min_depth + read * (config.max_depth - config.min_depth)
-        height = config.camera_height + self._up * forward
-        in_the_way = (height > FLOOR_M) & (height < config.agent_height) & (read < 1)
+        forward, read, in_the_way = self._obstacles(depth)
         # Nearer than the sensor reads, a thing is somewhere in front of the body.
-        reach = np.where(in_the_way, np.where(read > 0, forward, 0.0), config.max_depth).min(axis=0)
-        self._clear(pose, reach)
-        rows, columns = np.nonzero(in_the_way & (read > 0))
+        self._clear(pose, np.where(in_the_way, np.where(read, forward, 0.0), self._config.max_depth).min(axis=0))
+        self._block(pose, forward, in_the_way & read)
+
+    def look_for_obstacles(self, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> None:
+        """The same, for whoever does not ask what is free: a quarter of the work."""
+        forward, read, in_the_way = self._obstacles(depth)
+        self._block(pose, forward, in_the_way & read)
+
+    def _obstacles(
+        self, depth: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]:
+        """Of each ray: metres ahead, whether the sensor reads so near, and whether a body would be stopped there."""
+        config = self._config
+        seen = depth[*self._pixels, 0]
+        forward = config.min_depth + seen * (config.max_depth - config.min_depth)
+        height = config.camera_height + self._up * forward
+        return forward, seen > 0, (height > FLOOR_M) & (height < config.agent_height) & (seen < 1)
+
+    def _block(self, pose: NDArray[np.float64], forward: NDArray[np.float32], hits: NDArray[np.bool_]) -> None:
+        rows, columns = np.nonzero(hits)
         ends = forward[rows, columns]
         self.state[self.cells(ahead_of(pose, self._left[columns] * ends, ends))] = BLOCKED
 

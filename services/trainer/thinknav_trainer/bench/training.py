@@ -40,6 +40,8 @@ LATENCY = (
     "scenes.homes=4",
 )
 NEVER = ("think.strategy=never",)
+# A policy that has not learnt anything thinks in one step of four or five; one that has, in fewer than one of ten.
+ONE_IN_TEN = ("think.forced=0.1", "think.forced_until=1", "policy.think_bias=-20")
 LARGE_LSTM = ("policy.hidden_size=512", "policy.lstm_layers=2")
 
 
@@ -51,10 +53,12 @@ def training_figures(repeats: int, peers: Path, url: str | None = None) -> Itera
     logging.getLogger("thinknav_trainer").setLevel(logging.WARNING)
     with _service(url) as planner:
         yield from speed("train.cpu", load_config("cpu"), planner, repeats)
+        yield from speed("train.cpu_one_in_ten", load_config("cpu", overrides=ONE_IN_TEN), planner, repeats)
         yield from speed("train.lstm512", load_config("cpu", overrides=LARGE_LSTM), planner, repeats)
         yield from against_peers("train.cpu", load_config("cpu"), peers, repeats, planner)
     yield from against_peers("train.cpu_never", load_config("cpu", overrides=NEVER), peers, repeats)
     yield from latency_hidden(load_config("cpu", overrides=LATENCY), repeats)
+    yield from scaling(repeats)
 
 
 def speed(name: str, config: TrainConfig, planner: str, repeats: int) -> Iterator[Figure]:
@@ -64,10 +68,13 @@ def speed(name: str, config: TrainConfig, planner: str, repeats: int) -> Iterato
         _updates(session, 1)
         with _timed_parts(session) as parts:
             session.collector.stopwatch.take()
+            asked = session.env.counts.asked
             rate = statistics.median(_updates(session, 2) for _ in range(repeats))
             seconds = session.collector.stopwatch.take()
+            thinks = (session.env.counts.asked - asked) / (2 * repeats * config.steps_per_update)
         session.env.env.close()
     yield Figure(f"{name}.steps_per_s", rounded(rate), "steps/s")
+    yield Figure(f"{name}.think_rate", rounded(thinks), "share of the steps")
     for part, share in _shares(seconds, parts).items():
         yield Figure(f"{name}.share_{part}", rounded(share), "share of the time")
 
@@ -116,6 +123,30 @@ def latency_hidden(config: TrainConfig, repeats: int) -> Iterator[Figure]:
     yield compared("train.latency_hidden", slow, "steps/s", peer, none)
     yield compared("train.latency_hidden_faulty", faulty, "steps/s", peer, none)
     yield compared("train.latency_hidden_lock_step", waiting, "steps/s", peer, none)
+
+
+def scaling(repeats: int) -> Iterator[Figure]:
+    """What a number of envs, or of homes, costs a policy that never thinks; rollouts have the same length in all."""
+    steps = load_config("cpu").steps_per_update
+    envs = {
+        count: load_config("cpu", overrides=(*NEVER, f"num_envs={count}", f"ppo.num_steps={steps // count}"))
+        for count in (8, 16, 32, 64, 128)
+    }
+    homes = {
+        count: load_config("cpu", overrides=(*NEVER, f"scenes.homes={count}", "scenes.episodes=50"))
+        for count in (1, 8, 32)
+    }
+    for what, configs in (("envs", envs), ("homes", homes)):
+        found = dict(
+            zip(configs, rates(repeats, *(partial(_never, config) for config in configs.values())), strict=True)
+        )
+        least = min(configs)
+        for count, rate in found.items():
+            yield compared(f"train.{what}_{count}", rate, "steps/s", f"with {least}", found[least])
+
+
+def _never(config: TrainConfig) -> Session:
+    return open_session(config, make_homes(config), None)
 
 
 def rates(repeats: int, *openings: Callable[[], Session]) -> list[float]:
