@@ -12,8 +12,8 @@ class AgentStates:
     """What N agents are doing.
 
     poses: (N, 4) float64. episodes: (N,) int64, index of the episode that each plays. draws: (N,) int64, episodes
-    started. Of the episode so far, each (N,): steps, thinks and collisions int64; path_length float64, metres; distance
-    float64, distance to the goal now, and shortest, the one at the start.
+    started. Of the episode so far, each (N,): steps, thinks and collisions int64; path_length float64, metres; moved
+    float64, metres of the last step; distance float64, distance to the goal now, and shortest, the one at the start.
     """
 
     poses: NDArray[np.float64]
@@ -23,6 +23,7 @@ class AgentStates:
     thinks: NDArray[np.int64]
     collisions: NDArray[np.int64]
     path_length: NDArray[np.float64]
+    moved: NDArray[np.float64]
     distance: NDArray[np.float64]
     shortest: NDArray[np.float64]
 
@@ -44,6 +45,7 @@ class AgentStates:
             thinks=integers(),
             collisions=integers(),
             path_length=reals(),
+            moved=reals(),
             distance=reals(),
             shortest=reals(),
         )
@@ -56,6 +58,7 @@ class AgentStates:
         for counter in (self.steps, self.thinks, self.collisions):
             counter[agents] = 0
         self.path_length[agents] = 0.0
+        self.moved[agents] = 0.0
 
     def state_dict(self) -> dict[str, NDArray[Any]]:
         """Copies of all arrays by name."""

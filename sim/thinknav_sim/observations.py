@@ -1,4 +1,6 @@
-"""What an agent senses, and the spaces of it: rgb, depth, gps, compass and the goal, as Habitat-Lab has them."""
+"""What an agent senses, and the spaces of it: rgb, depth, gps, compass and the goal as Habitat-Lab has them, and how
+far the last step led.
+"""
 
 import math
 from typing import Any
@@ -17,6 +19,7 @@ from thinknav_sim.task_config import ObjectNavConfig
 # depth: (N, H, W, 1) float32, 0 at min_depth and nearer or where there is nothing, 1 at max_depth and farther.
 # gps: (N, 2) float32, metres forward and to the right of the start, as the agent faced it ([-z, x] of that frame).
 # compass: (N, 1) float32, radians turned since the start, left positive.
+# moved: (N, 1) float32, metres walked in the last step, as odometry tells: less than a step where something blocked.
 # objectgoal: (N, 1) int64, index into GOAL_CATEGORIES.
 Observations = dict[str, NDArray[Any]]
 
@@ -30,6 +33,7 @@ def observation_space(config: ObjectNavConfig) -> spaces.Dict:
             "depth": spaces.Box(0.0, 1.0, (*size, 1), np.float32),
             "gps": spaces.Box(-MAX_EXTENT_M, MAX_EXTENT_M, (2,), np.float32),
             "compass": spaces.Box(-math.pi, math.pi, (1,), np.float32),
+            "moved": spaces.Box(0.0, config.forward_step, (1,), np.float32),
             "objectgoal": spaces.Box(0, len(GOAL_CATEGORIES) - 1, (1,), np.int64),
         }
     )

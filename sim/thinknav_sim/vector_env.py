@@ -44,12 +44,15 @@ _SUMMARY: dict[str, type[np.generic]] = {
 
 
 class _Viewpoints(NamedTuple):
-    """From where n observations are taken: poses and start poses (n, 4), the renderer's scenes and goals (n,)."""
+    """From where n observations are taken: poses and start poses (n, 4), the renderer's scenes and goals (n,), and how
+    far the last step led, metres (n,).
+    """
 
     poses: NDArray[np.float64]
     starts: NDArray[np.float64]
     scene_ids: NDArray[np.int64]
     goals: NDArray[np.int64]
+    moved: NDArray[np.float64]
 
 
 class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]]):
@@ -189,6 +192,7 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
 
     def _move(self, agents: NDArray[np.int64], acts: NDArray[np.int64]) -> None:
         states = self._states
+        before = states.path_length[agents]
         advance(
             self.world.grids,
             self.world.table.scene[states.episodes],
@@ -200,6 +204,7 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
             states.path_length,
             states.collisions,
         )
+        states.moved[agents] = states.path_length[agents] - before
         self._measure(agents)
 
     def _measure(self, agents: NDArray[np.int64]) -> None:
@@ -282,6 +287,7 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
             starts=table.start[episodes],
             scene_ids=self.world.scene_ids[table.scene[episodes]],
             goals=table.goal[episodes],
+            moved=self._states.moved[agents],
         )
 
     def _observe(self, views: _Viewpoints) -> Observations:
@@ -291,6 +297,7 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
             "depth": depth,
             "gps": gps(views.poses, views.starts),
             "compass": compass(views.poses, views.starts),
+            "moved": views.moved[:, None].astype(np.float32),
             "objectgoal": views.goals[:, None],
         }
 

@@ -80,9 +80,11 @@ def test_sensors_after_known_moves(make_env: MakeEnv) -> None:
     for _ in range(2):
         observations = env.step([Action.MOVE_FORWARD])[0]
     np.testing.assert_allclose(observations["gps"], [[0.5, 0.0]], atol=1e-6)
+    np.testing.assert_allclose(observations["moved"], [[0.25]], atol=1e-6)
     for _ in range(9):
         observations = env.step([Action.TURN_RIGHT])[0]
     np.testing.assert_allclose(observations["compass"], [[-math.pi / 2]], atol=1e-6)
+    assert observations["moved"].tolist() == [[0.0]]
     observations = env.step([Action.MOVE_FORWARD])[0]
     # Turned right from -x it faces -z, which lies to the right of the start.
     np.testing.assert_allclose(observations["gps"], [[0.5, 0.25]], atol=1e-6)

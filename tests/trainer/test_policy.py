@@ -21,6 +21,7 @@ def observations(count: int) -> dict[str, torch.Tensor]:
         "rgb": torch.randint(0, 256, (count, 24, 32, 3), dtype=torch.uint8, generator=generator),
         "depth": torch.rand(count, 24, 32, 1, generator=generator),
         "gps": torch.rand(count, 2, generator=generator),
+        "moved": torch.rand(count, 1, generator=generator) / 4,
         "compass": torch.rand(count, 1, generator=generator),
         "objectgoal": torch.randint(0, 6, (count, 1), generator=generator),
         "thought": torch.rand(count, 16, generator=generator),

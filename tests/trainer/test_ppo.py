@@ -30,6 +30,7 @@ def bandit_rollout(ppo: PPO, seed: int) -> Rollout:
         "rgb": torch.zeros(count, 16, 16, 3, dtype=torch.uint8),
         "depth": torch.zeros(count, 16, 16, 1),
         "gps": torch.zeros(count, 2),
+        "moved": torch.zeros(count, 1),
         "compass": torch.zeros(count, 1),
         "objectgoal": goals,
     }

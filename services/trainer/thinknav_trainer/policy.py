@@ -1,7 +1,8 @@
 """The recurrent actor-critic: what it sees, in the order of Habitat's PointNavResNetNet, plus the thought.
 
-RNN input: [visual features | goal embedding | cos, sin of compass | gps | thought | previous action] -> LSTM -> action
-logits and value. How it sees is `vision`'s affair. Knows nothing of rewards, planners or where observations come from.
+RNN input: [visual features | goal embedding | cos, sin of compass | gps | moved | previous action | thought] -> LSTM ->
+action logits and value. How it sees is `vision`'s affair. Knows nothing of rewards, planners or where observations come
+from.
 """
 
 import math
@@ -16,7 +17,8 @@ from thinknav_sim.task_config import Action
 from thinknav_trainer.config import PolicyConfig
 from thinknav_trainer.vision import make_vision
 
-EMBEDDING_SIZE = 32  # of goal, compass, gps and previous action, as in Habitat
+EMBEDDING_SIZE = 32  # of goal, compass, gps and previous action, as in Habitat, and of what was moved
+STEP_M = 0.25  # what was moved is seen as a share of Habitat's step
 
 
 @dataclass(frozen=True)
@@ -56,8 +58,9 @@ class Policy(nn.Module):
         self.goal = nn.Embedding(len(GOAL_CATEGORIES), EMBEDDING_SIZE)
         self.compass = nn.Linear(2, EMBEDDING_SIZE)
         self.gps = nn.Linear(2, EMBEDDING_SIZE)
+        self.moved = nn.Linear(1, EMBEDDING_SIZE)
         self.previous_action = nn.Embedding(shape.num_actions + 1, EMBEDDING_SIZE)  # 0: an episode begins
-        rnn_input = config.visual_size + 4 * EMBEDDING_SIZE
+        rnn_input = config.visual_size + 5 * EMBEDDING_SIZE
         if shape.thought_size:
             self.thought = nn.Linear(shape.thought_size, config.thought_size)
             # Where thoughts lie and how far apart: by default they have unit norm, and each element unit variance.
@@ -90,6 +93,7 @@ class Policy(nn.Module):
             self.goal(observations["objectgoal"][:, 0]),
             self.compass(torch.cat([compass.cos(), compass.sin()], dim=1)),
             self.gps(observations["gps"]),
+            self.moved(observations["moved"] / STEP_M),
             self.previous_action(previous_actions + 1),
         ]
         if self.shape.thought_size:
