@@ -178,7 +178,10 @@ class WarmStartConfig(Section):
         description="share of the envs in which, at last, the policy itself acts and is told what to do instead; it "
         "grows from none",
     )
-    epochs: int = Field(8, ge=1, description="passes over a rollout of demonstrations")
+    epochs: int = Field(
+        16, ge=1, description="passes after each rollout of demonstrations: one over it, the rest over earlier ones"
+    )
+    remembered: int = Field(64, ge=1, description="rollouts of demonstrations that are kept to be gone through again")
     lr: float = Field(1e-3, gt=0, description="Adam's learning rate while imitating")
     max_grad_norm: float = Field(1.0, gt=0, description="gradients are clipped to this norm while imitating")
 

@@ -7,6 +7,7 @@ what the demonstrator would have done: who has only seen others do well does not
 (Ross et al. 2011, DAgger).
 """
 
+from collections import deque
 from dataclasses import replace
 
 import numpy as np
@@ -86,7 +87,10 @@ class Demonstrations:
 
 
 class Cloner:
-    """Behaviour cloning on recurrent sequences, and the critic's regression to the demonstrator's returns."""
+    """Behaviour cloning on recurrent sequences, and the critic's regression to the returns of whoever acted.
+
+    It goes through what it has just been shown, and through some of what it was shown before.
+    """
 
     def __init__(
         self, policy: Policy, config: WarmStartConfig, ppo: PPOConfig, seed: int, workers: Workers = Lone()
@@ -97,37 +101,47 @@ class Cloner:
         self._optimizer = torch.optim.Adam(policy.parameters(), lr=config.lr, eps=ppo.adam_eps, fused=True)
         self._order = np.random.default_rng((seed, 1))
         self._workers = workers
+        self._shown: deque[Rollout] = deque(maxlen=config.remembered)
 
     def update(self, rollout: Rollout) -> dict[str, float]:
-        """Some epochs over a rollout; means of the losses, and how often the likeliest action was the right one."""
-        with autocast(self._ppo.precision):
-            observations = self._policy.vision.prepare(rollout.observations)
+        """A pass over a rollout and over others; means of the losses, and how often the likeliest action was right."""
+        self._shown.append(rollout)
         sums = {"cloning_loss": 0.0, "value_loss": 0.0, "cloning_accuracy": 0.0}
-        for _ in range(self._config.epochs):
-            order = self._order.permutation(len(rollout.sequence_starts))
-            for chosen in np.array_split(order, self._ppo.minibatches):
-                transitions, sequences = rollout.select(chosen)
-                with autocast(self._ppo.precision):
-                    logits, values = self._policy.sequence(
-                        {name: rows[transitions] for name, rows in observations.items()},
-                        rollout.previous_actions[transitions],
-                        sequences,
-                    )
-                rows = transitions[sequences.index[sequences.mask]]
-                actions = rollout.actions[rows]
-                cloning_loss = torch.nn.functional.cross_entropy(logits, actions)
-                value_loss = 0.5 * (values - rollout.returns[rows]).square().mean()
-                self._optimizer.zero_grad(set_to_none=True)
-                (cloning_loss + self._ppo.value_coef * value_loss).backward()  # type: ignore[no-untyped-call]
-                losses = {
-                    "cloning_loss": cloning_loss.item(),
-                    "value_loss": value_loss.item(),
-                    "cloning_accuracy": (logits.argmax(dim=1) == actions).float().mean().item(),
-                }
-                losses = average_gradients(self._policy.parameters(), losses, len(rows), self._workers)
-                torch.nn.utils.clip_grad_norm_(self._policy.parameters(), self._config.max_grad_norm)
-                self._optimizer.step()
-                for name, value in losses.items():
-                    sums[name] += value
+        chosen = [len(self._shown) - 1, *self._order.integers(len(self._shown), size=self._config.epochs - 1)]
+        for index in chosen:
+            for name, value in self._pass(self._shown[index]).items():
+                sums[name] += value
         batches = self._config.epochs * self._ppo.minibatches
         return {name: total / batches for name, total in sums.items()}
+
+    def _pass(self, rollout: Rollout) -> dict[str, float]:
+        """One pass over a rollout: sums of the losses over its minibatches."""
+        sums: dict[str, float] = {}
+        with autocast(self._ppo.precision):
+            observations = self._policy.vision.prepare(rollout.observations)
+        order = self._order.permutation(len(rollout.sequence_starts))
+        for chosen in np.array_split(order, self._ppo.minibatches):
+            transitions, sequences = rollout.select(chosen)
+            with autocast(self._ppo.precision):
+                logits, values = self._policy.sequence(
+                    {name: rows[transitions] for name, rows in observations.items()},
+                    rollout.previous_actions[transitions],
+                    sequences,
+                )
+            rows = transitions[sequences.index[sequences.mask]]
+            actions = rollout.actions[rows]
+            cloning_loss = torch.nn.functional.cross_entropy(logits, actions)
+            value_loss = 0.5 * (values - rollout.returns[rows]).square().mean()
+            self._optimizer.zero_grad(set_to_none=True)
+            (cloning_loss + self._ppo.value_coef * value_loss).backward()  # type: ignore[no-untyped-call]
+            losses = {
+                "cloning_loss": cloning_loss.item(),
+                "value_loss": value_loss.item(),
+                "cloning_accuracy": (logits.argmax(dim=1) == actions).float().mean().item(),
+            }
+            losses = average_gradients(self._policy.parameters(), losses, len(rows), self._workers)
+            torch.nn.utils.clip_grad_norm_(self._policy.parameters(), self._config.max_grad_norm)
+            self._optimizer.step()
+            for name, value in losses.items():
+                sums[name] = sums.get(name, 0.0) + value
+        return sums
