@@ -46,7 +46,24 @@ FIRST_LIGHT = Experiment(
     arms=(Arm("privileged"), Arm("shuffled", ("planner.privileged.shuffled=true",))),
 )
 
-EXPERIMENTS: dict[str, Experiment] = {experiment.name: experiment for experiment in (FIRST_LIGHT,)}
+_CLONED = ("warm_start.steps=40000", "ppo.entropy_coef=0.003")  # what was imitated is not to be forgotten at once
+WARM_START = Experiment(
+    name="warm-start",
+    question="How does a policy come to use a planner that errs? All steps count, those of demonstrations among them.",
+    preset="cpu",
+    overrides=("scenes.episodes=1000",),
+    arms=(
+        Arm("never", ("think.strategy=never",)),
+        Arm("never-cloned", ("think.strategy=never", "warm_start.demonstrator=bump-walker", *_CLONED)),
+        Arm("scratch"),
+        Arm("prior", ("policy.think_bias=1",)),
+        Arm("forced", ("think.forced=0.3", "think.forced_until=0.5")),
+        Arm("cloned", _CLONED),
+        Arm("cloned-forced", (*_CLONED, "think.forced=0.3", "think.forced_until=0.5")),
+    ),
+)
+
+EXPERIMENTS: dict[str, Experiment] = {experiment.name: experiment for experiment in (FIRST_LIGHT, WARM_START)}
 
 
 def named_experiment(name: str) -> Experiment:
