@@ -27,6 +27,7 @@ from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.asking import Asking, AskTogether
 from thinknav_trainer.config import ThinkConfig
 from thinknav_trainer.direction import subgoal_direction
+from thinknav_trainer.farming import farming_measures
 from thinknav_trainer.forcing import FORCED_THINK
 from thinknav_trainer.patience import Patience
 from thinknav_trainer.planner import Answer, PlannerClient, encode_frame
@@ -36,6 +37,7 @@ from thinknav_trainer.recent_frames import RecentFrames
 from thinknav_trainer.rewards import REWARD_SCHEMES, Terms, ThinkStep
 from thinknav_trainer.strategies import STRATEGIES
 from thinknav_trainer.thoughts import Thought
+from thinknav_trainer.trajectories import Trajectories
 
 NOTHING_TO_JUDGE = -1
 
@@ -47,7 +49,7 @@ def task_description(category: str) -> str:
 
 @dataclass(frozen=True)
 class EpisodeEnd:
-    """An episode that ended in this step: the task's measures, and the sum of each reward term over it."""
+    """An episode that ended in this step: the task's measures and those of `farming`, and the sums of reward terms."""
 
     env: int
     episode_index: int
@@ -122,6 +124,7 @@ class ThinkingEnv:
         self._term_sums: dict[str, NDArray[np.float64]] = {}
         self._request_number = 0
         self._frames = RecentFrames(env, config)
+        self._trajectories = Trajectories(env.num_envs)
         self._round = 0  # of looking for replies, since the run began
         self.texts: dict[str, NDArray[np.float32]] = {}  # what was embedded so far
         self._descriptions = self.embed([task_description(category) for category in GOAL_CATEGORIES])
@@ -144,6 +147,7 @@ class ThinkingEnv:
         observations, _ = self.env.reset()
         self._to_judge[:] = NOTHING_TO_JUDGE
         self._frames.forget(range(self.num_envs))
+        self._trajectories.forget(range(self.num_envs))
         self._steps[:] = 0
         self._standing[:] = 0
         for env in range(self.num_envs):
@@ -196,9 +200,12 @@ class ThinkingEnv:
         """Step these envs (n,) with their actions (n,); `replies` has those to the thinks among them."""
         thoughts = [Thought(env, self._goal(env), reply, self._round) for env, reply in sorted(replies.items())]
         self._frames.look(envs.tolist())
+        poses = self.env.poses[envs]
         observations, rewards, terminated, truncated, infos = self.env.step_subset(envs, actions)
         terms: Terms = dict(infos["reward_terms"])
-        extra = self._scheme(self._judged(envs, actions, terms["progress"], terminated), self._config)
+        judged = self._judged(envs, actions, terms["progress"], terminated)
+        self._trajectories.note(envs, poses, actions, judged.agreement)
+        extra = self._scheme(judged, self._config)
         told = self._told(envs, actions, replies)
         for term in extra.values():
             rewards = rewards + term
@@ -336,9 +343,11 @@ class ThinkingEnv:
             env = int(envs[row])
             measures = {name: float(values[row]) for name, values in infos["episode"].items()}
             sums = {name: float(values[env]) for name, values in self._term_sums.items()}
+            measures |= farming_measures(self._trajectories.of(env), sums)
             ended.append(EpisodeEnd(env, int(infos["episode_index"][row]), measures, sums))
         self._to_judge[envs[done]] = NOTHING_TO_JUDGE
         self._frames.forget(envs[done].tolist())
+        self._trajectories.forget(envs[done].tolist())
         self._standing[envs[done]] = 0
         for env in envs[done].tolist():
             self._plans.forget(env)
@@ -358,6 +367,7 @@ class ThinkingEnv:
             "counts": asdict(self.counts) | {"asked": self.counts.asked - len(self.parked)},
             "request_number": self._request_number,
             "frames": self._frames.state_dict(),
+            "trajectories": self._trajectories.state_dict(),
             "round": self._round,
             "parked": sorted(self.parked),
         }
@@ -380,5 +390,7 @@ class ThinkingEnv:
         self.counts = ThinkCounts(**state["counts"])
         self._request_number = state["request_number"]
         self._frames.load_state_dict(state["frames"])
+        # Older checkpoints have none: what their open episodes did until now is not known.
+        self._trajectories.load_state_dict(state.get("trajectories", [()] * self.num_envs))
         self._round = state["round"]
         self.think(np.array(state["parked"], np.int64))
