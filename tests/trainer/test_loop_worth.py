@@ -117,6 +117,7 @@ def step(state: State, action: Action, scheme: str) -> tuple[float, State | None
             standing_before=np.array([state.standing], np.int8),
             standing=np.array([standing], np.int8),
             progress=np.array([0.25 * walks], np.float32),
+            price=CONFIG.cost,
             share=1.0 if scheme == "annealed" else 0.0,
             discount=0.99,
         ),

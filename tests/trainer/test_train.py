@@ -48,11 +48,11 @@ def test_a_run_leaves_metrics_thoughts_and_checkpoints(tmp_path: Path, smoke: Tr
 
 
 def test_a_resumed_run_equals_one_that_was_not_interrupted(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
-    config = config_of(smoke)
+    config = config_of(smoke, "think.budget=0.1", "think.dropout=0.3")
     whole = Run.create(tmp_path / "whole", config)
     train(whole, homes, planner(), Interruption())
     whole.close()
-    first = Run.create(tmp_path / "halves", config_of(smoke, "total_steps=128"))
+    first = Run.create(tmp_path / "halves", change_config(config, overrides=["total_steps=128"]))
     middle = train(first, homes, planner(), Interruption())
     first.close()
     second = Run(tmp_path / "halves", config, steps=128)
@@ -61,6 +61,8 @@ def test_a_resumed_run_equals_one_that_was_not_interrupted(tmp_path: Path, smoke
     a, b = (Checkpoint.load(list_checkpoints(tmp_path / name)[-1]) for name in ("whole", "halves"))
     for name, weight in a.policy.items():
         assert torch.equal(weight, b.policy[name]), name
+    prices = [row["think_price"] for row in read_metrics(tmp_path / "halves")]
+    assert prices[2] != prices[1] != 0.01
     for log in ("metrics", "thoughts", "embeddings"):
         texts = {(tmp_path / name / f"{log}.jsonl").read_text() for name in ("whole", "halves")}
         assert len(texts) == 1, log

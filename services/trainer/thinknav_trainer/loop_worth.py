@@ -51,20 +51,21 @@ def worth_of_repeating(
     for number in range(steps):
         step = loop[number % len(loop)]
         after = 1 if step.agreed else standing
-        terms = REWARD_SCHEMES[scheme](_think_step(step, standing, after, share, discount), config)
+        terms = REWARD_SCHEMES[scheme](_think_step(step, standing, after, config.cost, share, discount), config)
         paid = slack + step.progress + sum(float(term[0]) for term in terms.values())
         total += discount**number * paid
         standing = after
     return total
 
 
-def _think_step(step: LoopStep, before: int, after: int, share: float, discount: float) -> ThinkStep:
+def _think_step(step: LoopStep, before: int, after: int, price: float, share: float, discount: float) -> ThinkStep:
     return ThinkStep(
         thought=np.array([step.thought]),
         agreement=np.array([step.agreed], np.int8),
         standing_before=np.array([before], np.int8),
         standing=np.array([after], np.int8),
         progress=np.array([step.progress], np.float32),
+        price=price,
         share=share,
         discount=discount,
     )

@@ -6,7 +6,7 @@
 3. Every other observation carries zeros, and no thought outlives its episode.
 4. The first action after a reply that is not think is judged against the subgoal's direction; a subgoal without one
    judges nothing, and a second think replaces the first, unjudged.
-5. A planner that fails gives zeros, judges nothing, and is counted.
+5. A planner that fails gives zeros, judges nothing, and is counted; so does a reply that is withheld (`think.dropout`).
 
 An env that thinks is parked until its reply is there: the simulator takes its step then, and not before. Whether the
 others go on meanwhile is for the caller to say. Knows nothing of networks and of learning.
@@ -77,11 +77,15 @@ class Step:
 
 @dataclass
 class ThinkCounts:
-    """How many thoughts were asked for, and what became of them; of those who are parked that is still open."""
+    """How many thoughts were asked for, and what became of them; of those who are parked that is still open.
+
+    withheld: of those that were answered, how many the policy did not get to see.
+    """
 
     asked: int = 0
     answered: int = 0
     failed: int = 0
+    withheld: int = 0
 
 
 class ThinkingEnv:
@@ -98,9 +102,10 @@ class ThinkingEnv:
         planner: PlannerClient | None,
         asking: Callable[[PlannerClient], Asking] = AskTogether,
         discount: float = 0.99,
+        seed: int = 0,
     ) -> None:
         """asking: how; a privileged planner has a way of its own. discount: the learner's, for reward schemes that go
-        by it.
+        by it. seed: of which replies are withheld.
         """
         if (planner is None) != (config.strategy == "never"):
             raise ValueError(f"strategy {config.strategy!r} {'needs a' if planner is None else 'takes no'} planner")
@@ -116,6 +121,8 @@ class ThinkingEnv:
         self._discount = discount
         self._scheme = REWARD_SCHEMES[config.reward]
         self.share = 1.0  # of the run that is done: what fades over a run is gone at its end, and afterwards
+        self.price = config.cost  # of a think; whoever keeps a budget changes it
+        self._withholding = np.random.default_rng((seed, 2))
         self._steps = np.zeros(env.num_envs, np.int64)  # of each episode so far
         self._to_judge = np.full(env.num_envs, NOTHING_TO_JUDGE)  # the action that the last subgoal called for
         self._standing = np.zeros(env.num_envs, np.int8)  # the last judgement of each episode
@@ -249,9 +256,15 @@ class ThinkingEnv:
         """Rules 2, 3 and 5: the reply to this step's think, once; zeros for those who did not think, or in vain."""
         for row, env in enumerate(envs.tolist()):
             reply = replies.get(env)
-            if isinstance(reply, SubgoalReply):
+            if isinstance(reply, SubgoalReply) and not self._withholds():
                 told[row] = reply.embedding
                 self._note_direction(env, subgoal_direction(reply.subgoal))
+
+    def _withholds(self) -> bool:
+        """Whether the next reply is withheld."""
+        withheld = bool(self._config.dropout) and self._withholding.random() < self._config.dropout
+        self.counts.withheld += withheld
+        return withheld
 
     def _instructions(
         self,
@@ -312,7 +325,8 @@ class ThinkingEnv:
         before = self._standing[envs]
         standing = np.where(terminated, 0, np.where(agreement != 0, agreement, before)).astype(np.int8)
         self._standing[envs] = standing
-        return ThinkStep(actions == Action.THINK, agreement, before, standing, progress, self.share, self._discount)
+        thinks = actions == Action.THINK
+        return ThinkStep(thinks, agreement, before, standing, progress, self.price, self.share, self._discount)
 
     def _show_thoughts(
         self,
@@ -369,6 +383,7 @@ class ThinkingEnv:
             "frames": self._frames.state_dict(),
             "trajectories": self._trajectories.state_dict(),
             "round": self._round,
+            "withholding": self._withholding.bit_generator.state,
             "parked": sorted(self.parked),
         }
 
@@ -378,6 +393,7 @@ class ThinkingEnv:
         self.counts.asked += counts.asked + in_vain
         self.counts.answered += counts.answered
         self.counts.failed += counts.failed + in_vain
+        self.counts.withheld += counts.withheld
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on exactly where `state_dict` was taken."""
@@ -390,7 +406,8 @@ class ThinkingEnv:
         self.counts = ThinkCounts(**state["counts"])
         self._request_number = state["request_number"]
         self._frames.load_state_dict(state["frames"])
-        # Older checkpoints have none: what their open episodes did until now is not known.
+        # Older checkpoints lack these two: what their open episodes did until now is not known.
         self._trajectories.load_state_dict(state.get("trajectories", [()] * self.num_envs))
+        self._withholding.bit_generator.state = state.get("withholding", self._withholding.bit_generator.state)
         self._round = state["round"]
         self.think(np.array(state["parked"], np.int64))
