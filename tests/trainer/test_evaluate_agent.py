@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import SubgoalReply, SubgoalRequest
-from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.observations import Observations
+from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
 from thinknav_trainer.agents import AGENTS
 from thinknav_trainer.config import ConfigError, TrainConfig

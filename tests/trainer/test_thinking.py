@@ -194,12 +194,12 @@ def test_a_planner_that_is_gone_too_long_ends_the_run(thinking_env: MakeThinking
 def test_a_withheld_reply_is_no_thought_but_costs(thinking_env: MakeThinkingEnv) -> None:
     env = thinking_env(say("turn left"), reward="paper", dropout=0.5, count=8, max_steps=100)
     env.reset()
-    seen = []
+    seen: list[bool] = []
     for _ in range(10):
         step = env.step(np.full(8, Action.THINK))
         assert [thought.subgoal for thought in step.thoughts] == ["turn left"] * 8
         assert step.rewards == pytest.approx(np.full(8, -0.011))
-        told = step.observations["thought"].any(axis=1)
+        told: NDArray[np.bool_] = step.observations["thought"].any(axis=1)
         before = env._term_sums["agreement"].copy()
         env.step(np.full(8, Action.TURN_RIGHT))
         assert env._term_sums["agreement"] - before == pytest.approx(np.where(told, -0.1, 0))  # nothing to judge
