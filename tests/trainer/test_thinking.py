@@ -199,7 +199,7 @@ def test_a_withheld_reply_is_no_thought_but_costs(thinking_env: MakeThinkingEnv)
         step = env.step(np.full(8, Action.THINK))
         assert [thought.subgoal for thought in step.thoughts] == ["turn left"] * 8
         assert step.rewards == pytest.approx(np.full(8, -0.011))
-        told: NDArray[np.bool_] = step.observations["thought"].any(axis=1)
+        told = np.asarray(step.observations["thought"].any(axis=1))
         before = env._term_sums["agreement"].copy()
         env.step(np.full(8, Action.TURN_RIGHT))
         assert env._term_sums["agreement"] - before == pytest.approx(np.where(told, -0.1, 0))  # nothing to judge
