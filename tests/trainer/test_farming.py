@@ -56,6 +56,9 @@ def walk(steps: str, x: float = 0.0, z: float = 0.0, turned: int = 0) -> Traject
         ("lrlrlrlr s", 0.0),  # nor where nothing was asked
         ("tLlllll rrrrrr s", 0.0),  # one obeyed think on a long way back: looked around rather than farmed
         ("ff tLr ff s", 3 / 7),
+        ("r tL f r tL f s", 0.0),  # an error, and told of it, put right
+        ("tr tL f tr tL f s", 0.0),
+        ("tL r tL r f s", 6 / 7),  # what was told, and undone
     ],
 )
 def test_think_agree_loops(steps: str, loops: float) -> None:

@@ -36,13 +36,14 @@ def farming_measures(trajectory: Trajectory, terms: Mapping[str, float]) -> dict
 
 
 def think_loops(trajectory: Trajectory) -> float:
-    """Share of steps in think-agree loops: they led back to where they began, and subgoals were obeyed on the way."""
+    """Share of steps in think-agree loops: subgoals were obeyed, and it led back to where the first one was obeyed."""
     obeyed = _sum_before(trajectory.agreements > 0)
+    begins = _obeys_next(trajectory)
 
     def is_loop(lag: int) -> _Mask:
         apart = np.linalg.norm(trajectory.places[lag:] - trajectory.places[:-lag], axis=1)
         often = obeyed[lag:] - obeyed[:-lag] >= OBEYED_SHARE * lag
-        loop: _Mask = often & (apart <= SAME_PLACE_M) & _same_heading(trajectory, lag)
+        loop: _Mask = begins[:-lag] & often & (apart <= SAME_PLACE_M) & _same_heading(trajectory, lag)
         return loop
 
     return _share(_steps_of(len(trajectory), is_loop))
@@ -80,6 +81,14 @@ def _steps_of(count: int, closes: Callable[[int], _Mask]) -> _Mask:
         changes[: count - length] += closed
         changes[length:count] -= closed
     return np.cumsum(changes[:-1]) > 0
+
+
+def _obeys_next(trajectory: Trajectory) -> _Mask:
+    """(T,) whether the next action that is no think, this one or a later one, did what it was told."""
+    moves = trajectory.actions != Action.THINK
+    obeyed = trajectory.agreements > 0
+    following = np.minimum.accumulate(np.where(moves, np.arange(len(moves)), len(moves))[::-1])[::-1]
+    return np.append(obeyed, False)[following]
 
 
 def _same_heading(trajectory: Trajectory, lag: int) -> _Mask:

@@ -109,7 +109,7 @@ def _table(curves: Sequence[Curve]) -> Table:
                 f"{row['thinks']['mean']:.1f}",
                 f"{row['think_rate']['mean']:.1%}",
                 f"{row['success']['mean']:.3f}",
-                f"{spl['mean']:.3f}\n({spl['low']:.2f} to {spl['high']:.2f})",
-                "" if gain is None else f"{gain['mean']:+.3f}\n({gain['low']:+.2f} to {gain['high']:+.2f})",
+                f"{spl['mean']:.3f}\n{spl['low']:.2f} to {spl['high']:.2f}",
+                "" if gain is None else f"{gain['mean']:+.3f}\n{gain['low']:+.2f} to {gain['high']:+.2f}",
             )
     return table
