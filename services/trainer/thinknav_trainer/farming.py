@@ -39,12 +39,13 @@ def think_loops(trajectory: Trajectory) -> float:
     """Share of steps in think-agree loops: subgoals were obeyed, and it led back to where the first one was obeyed."""
     obeyed = _sum_before(trajectory.agreements > 0)
     begins = _obeys_next(trajectory)
+    places = trajectory.places @ np.array([1, 1j])
+    same_heading = _heading_comparer(trajectory)
 
     def is_loop(lag: int) -> _Mask:
-        apart = np.linalg.norm(trajectory.places[lag:] - trajectory.places[:-lag], axis=1)
         often = obeyed[lag:] - obeyed[:-lag] >= OBEYED_SHARE * lag
-        loop: _Mask = begins[:-lag] & often & (apart <= SAME_PLACE_M) & _same_heading(trajectory, lag)
-        return loop
+        loop: _Mask = begins[:-lag] & often & (np.abs(places[lag:] - places[:-lag]) <= SAME_PLACE_M)
+        return loop & same_heading(lag)
 
     return _share(_steps_of(len(trajectory), is_loop))
 
@@ -53,10 +54,11 @@ def spinning(trajectory: Trajectory) -> float:
     """Share of turns that were taken back, or closed a circle, before the agent had left its place; 0 without turns."""
     walked = np.linalg.norm(np.diff(trajectory.places, axis=0, append=trajectory.places[-1:]), axis=1)
     way = _sum_before(walked)
+    same_heading = _heading_comparer(trajectory)
 
     def is_spin(lag: int) -> _Mask:
         stayed: _Mask = way[lag:] - way[:-lag] <= SAME_PLACE_M
-        return stayed & _same_heading(trajectory, lag)
+        return stayed & same_heading(lag)
 
     turns = np.isin(trajectory.actions, (Action.TURN_LEFT, Action.TURN_RIGHT))
     return _share(_steps_of(len(trajectory), is_spin)[turns])
@@ -91,10 +93,10 @@ def _obeys_next(trajectory: Trajectory) -> _Mask:
     return np.append(obeyed, False)[following]
 
 
-def _same_heading(trajectory: Trajectory, lag: int) -> _Mask:
-    turned = trajectory.headings[lag:] - trajectory.headings[:-lag]
-    same: _Mask = np.abs(np.angle(np.exp(1j * turned))) <= SAME_HEADING
-    return same
+def _heading_comparer(trajectory: Trajectory) -> Callable[[int], _Mask]:
+    """For a length: (T - length,) whether the agent looks the same way again after so many steps."""
+    x, z = np.sin(trajectory.headings), np.cos(trajectory.headings)
+    return lambda lag: x[lag:] * x[:-lag] + z[lag:] * z[:-lag] >= np.cos(SAME_HEADING)
 
 
 def _sum_before(values: NDArray[np.generic]) -> NDArray[np.float64]:
