@@ -7,11 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from typer.testing import CliRunner
 
 from thinknav_sim.task_config import Action
 from thinknav_trainer.budget_curve import Curve, Point, gains
 from thinknav_trainer.budgets import evaluate_budgets, write_curves
 from thinknav_trainer.checkpoint import Checkpoint
+from thinknav_trainer.cli import app
 from thinknav_trainer.config import ConfigError, TrainConfig, change_config
 from thinknav_trainer.forcing import NEVER
 from thinknav_trainer.interrupt import Interruption
@@ -126,11 +128,49 @@ def test_a_checkpoint_is_played_at_every_budget(tmp_path: Path, smoke: TrainConf
     assert set(written["gains"]) == {"clock"}
 
 
-def test_an_interrupted_measurement_ends_with_what_it_has(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
-    config = change_config(smoke, overrides=["think.strategy=never", "total_steps=64"])
-    run = Run.create(tmp_path, config)
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory: pytest.TempPathFactory, smoke: TrainConfig, homes: Homes) -> Path:
+    """A checkpoint of a policy that cannot think, the quickest to play."""
+    folder = tmp_path_factory.mktemp("run")
+    run = Run.create(folder, change_config(smoke, overrides=["think.strategy=never", "total_steps=64"]))
     last = train(run, homes, None, Interruption())
     run.close()
+    return last
+
+
+def test_an_interrupted_measurement_ends_with_what_it_has(tmp_path: Path, plain: Path) -> None:
     interrupted = Interruption()
     interrupted.request(2)
-    assert evaluate_budgets(last, [WhenToThink()], tmp_path / "out", interrupted) == []
+    assert evaluate_budgets(plain, [WhenToThink()], tmp_path / "out", interrupted) == []
+
+
+def test_other_evaluations_are_points_of_a_curve_of_their_own(plain: Path) -> None:
+    run = plain.parents[1]
+    command = ["budgets", str(plain), "--biases", "0", "--every", ""]
+    assert CliRunner().invoke(app, ["eval", str(plain)]).exit_code == 0
+    done = CliRunner().invoke(app, [*command, "--against", str(run)])
+    assert done.exit_code == 0, done.output
+    folder = evaluation_folder(plain, "held_out", "budgets")
+    curves = json.loads((folder / "curves.json").read_text())["curves"]
+    assert set(curves) == {"own choice", "others"}
+    assert curves["others"] == [{**curves["own choice"][0], "name": run.name}]
+    done = CliRunner().invoke(app, ["eval", str(plain), "--split", "train", "--output", str(run / "other")])
+    assert done.exit_code == 0
+    done = CliRunner().invoke(app, [*command, "--against", str(run / "other")])
+    assert isinstance(done.exception, ConfigError)
+    assert "are of different episodes" in str(done.exception)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--biases", ""], "--biases names no point"),
+        (["--every", "5,0"], "--every takes numbers of steps from 1 on"),
+        (["--every", "5.5"], "--every takes numbers separated by commas, not '5.5'"),
+        (["--homes", "val:0-1", "--episodes-file", "x.json"], "either --homes or --episodes-file"),
+    ],
+)
+def test_budgets_that_name_nothing_are_refused(plain: Path, options: list[str], words: str) -> None:
+    done = CliRunner().invoke(app, ["budgets", str(plain), *options])
+    assert isinstance(done.exception, ConfigError)
+    assert words in str(done.exception)

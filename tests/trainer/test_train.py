@@ -68,6 +68,20 @@ def test_a_resumed_run_equals_one_that_was_not_interrupted(tmp_path: Path, smoke
         assert len(texts) == 1, log
 
 
+def test_thinks_are_charged_at_the_price_that_keeps_the_budget(
+    tmp_path: Path, smoke: TrainConfig, homes: Homes
+) -> None:
+    run = Run.create(tmp_path, config_of(smoke, "think.budget=0.01", "think.budget_lr=1", "think.budget_after=0.3"))
+    last = Checkpoint.load(train(run, homes, planner(), Interruption()))
+    run.close()
+    rows = read_metrics(tmp_path)
+    # Two updates before 0.3 of the run leave it alone; what the others set is charged from the next rollout on.
+    assert [row["think_price"] for row in rows] == pytest.approx([0.01, 0.01, 1.01, 2.01])
+    assert last.state["price"] == {"now": pytest.approx(2.01)}
+    assert rows[1]["reward/think_cost"] == pytest.approx(-0.01 * rows[1]["thinks"], abs=1e-6)
+    assert rows[3]["reward/think_cost"] < -0.1 * rows[3]["thinks"]
+
+
 def test_a_run_that_does_not_wait_counts_each_step_and_thought_once(
     tmp_path: Path, smoke: TrainConfig, homes: Homes
 ) -> None:

@@ -54,6 +54,8 @@ def budgets(
         raise ConfigError("--biases names no point")
     if any(when.every is not None and when.every < 1 for when in manners[CLOCK]):
         raise ConfigError("--every takes numbers of steps from 1 on")
+    if homes is not None and episodes_file is not None:
+        raise ConfigError("give either --homes or --episodes-file")
     elsewhere = None
     if homes is not None or episodes_file is not None:
         where = Where(homes, episodes_file, scenes, episodes)
