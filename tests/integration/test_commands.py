@@ -143,8 +143,6 @@ def test_an_absent_planner_is_named_within_ten_seconds(tmp_path: Path) -> None:
         (("eval", "absent.pt"), "there is no checkpoint absent.pt"),
         (("eval",), "give either a checkpoint or --agent"),
         (("eval", "--agent", "walker"), "there is no agent 'walker'; there are planner, random"),
-        (("eval", "--agent", "random", "--think-bias", "-1"), "are for the policy of a checkpoint"),
-        (("budgets", "absent.pt", "--biases", "-1,often"), "--biases takes numbers separated by commas"),
         (("eval", "--agent", "random", "--homes", "val"), "such as val:0-20"),
         (("eval", "--agent", "planner", "--planner", NOWHERE), "thinknav-server serve"),
         (("report", "absent"), "absent is no run"),

@@ -162,8 +162,27 @@ def test_other_evaluations_are_points_of_a_curve_of_their_own(plain: Path) -> No
 
 
 @pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (
+            ["--agent", "random", "--think-bias", "-1"],
+            "are for the policy of a checkpoint",
+        ),
+        (["--think-bias", "-1"], "think.strategy never cannot think in the manner bias-1"),
+        (["--think-every", "5"], "think.strategy never cannot think in the manner every-5"),
+        (["--think-bias", "1", "--think-every", "5"], "either a bias of thinking or the steps"),
+    ],
+)
+def test_manners_are_refused_by_the_command_too(plain: Path, command: list[str], words: str) -> None:
+    done = CliRunner().invoke(app, ["eval", *command, *([] if "--agent" in command else [str(plain)])])
+    assert isinstance(done.exception, ConfigError)
+    assert words in str(done.exception)
+
+
+@pytest.mark.parametrize(
     ("options", "words"),
     [
+        (["--biases", "-1,often"], "--biases takes numbers separated by commas, not '-1,often'"),
         (["--biases", ""], "--biases names no point"),
         (["--every", "5,0"], "--every takes numbers of steps from 1 on"),
         (["--every", "5.5"], "--every takes numbers separated by commas, not '5.5'"),

@@ -2,6 +2,7 @@
 
 from thinknav_trainer.agents.agent import Agent
 from thinknav_trainer.agents.baselines import BumpWalker, PerfectStop, RandomAgent, ShortestPathAgent
+from thinknav_trainer.agents.farmer import Farmer
 from thinknav_trainer.agents.frontier import FrontierAgent
 from thinknav_trainer.agents.named import AGENTS, MakeAgent, NamedAgent, obedient
 from thinknav_trainer.agents.obedient import Obedience, ObedientAgent
@@ -11,6 +12,7 @@ __all__ = [
     "AGENTS",
     "Agent",
     "BumpWalker",
+    "Farmer",
     "FrontierAgent",
     "MakeAgent",
     "NamedAgent",
