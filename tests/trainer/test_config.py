@@ -33,6 +33,7 @@ def test_layers_override_one_another(tmp_path: Path) -> None:
         ("ppo=3", "ppo: "),
         ("env.think_action=true", "follows from think.strategy"),
         ("ppo.minibatches=1000", "ppo.minibatches 1000 is more than the sequences"),
+        ("think={strategy: once, dropout: 0.1}", "think.dropout is for strategies agent and every_n, not once"),
         ("scenes.min_distance=40", "min_distance 40.0 is not below max_distance 30.0"),
     ],
 )

@@ -3,19 +3,25 @@
 import re
 from collections.abc import Sequence
 
+import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import SubgoalReply, SubgoalRequest
+from thinknav_sim.observations import Observations
 from thinknav_sim.scene import GOAL_CATEGORIES
-from thinknav_trainer.agents import AGENTS
-from thinknav_trainer.config import ConfigError, TrainConfig
+from thinknav_sim.task_config import Action
+from thinknav_trainer.agents import AGENTS, Obedience
+from thinknav_trainer.config import ConfigError, TrainConfig, change_config
 from thinknav_trainer.evaluate import Conditions, EpisodeRecord, play
 from thinknav_trainer.evaluate_agent import Setting, evaluate_agent, named_agent
 from thinknav_trainer.home_sets import HomeSet, make_home_set, parse_home_set
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import FunctionTransport, MockTransport, PlannerClient, mock_info, reply_to
+from thinknav_trainer.planner.privileged import PrivilegedPlanner
 from thinknav_trainer.scenes import Homes
+from thinknav_trainer.thoughts import Thought
 
 
 def played(
@@ -89,6 +95,45 @@ def test_a_planner_of_our_own_process_is_asked_in_batches(smoke: TrainConfig) ->
     assert protocol["planner"] == "mock@0"
     assert protocol["split"] == "val:0-1"
     assert protocol["obedience"] == {"turns": 3, "forwards": 2, "stop_gate": 0.8, "looks": 2}
+
+
+def test_a_farmer_earns_more_than_who_finds_by_the_papers_bonus_alone(smoke: TrainConfig) -> None:
+    """As docs/thinking.md has it, with a planner that is always right."""
+    earned: dict[str, dict[str, float]] = {}
+    for name in ("farmer", "planner"):
+        config = change_config(smoke, overrides=["think.reward=paper", "env.max_steps=500"])
+        with PrivilegedPlanner(config.planner.privileged, 0) as planner:
+            setting = Setting(config, Obedience(turns=1, forwards=1, looks=1))
+            protocol, records = evaluate_agent(name, HomeSet("val", 0, 1), 4, setting, planner)
+        assert protocol["privileged"]
+        assert (protocol["obedience"] is None) == (name == "farmer")
+        assert success(records) == (name == "planner")
+        loops = sum(record.measures["think_loops"] for record in records) / len(records)
+        assert loops > 0.95 if name == "farmer" else loops < 0.05
+        bonus = sum(record.terms["agreement"] for record in records)
+        total = sum(sum(record.terms.values()) for record in records)
+        earned[name] = {"with": total, "without": total - bonus}
+    assert earned["farmer"]["with"] > earned["planner"]["with"]
+    assert earned["planner"]["without"] > 0 > earned["farmer"]["without"]
+
+
+def test_no_reply_is_withheld_where_nothing_is_learnt(smoke: TrainConfig, homes: Homes) -> None:
+    """`think.dropout` is of a run that learns."""
+    told: list[bool] = []
+
+    class Thinker:
+        def actions(self, observations: Observations, thoughts: Sequence[Thought]) -> NDArray[np.int64]:
+            told.extend(bool(observations["thought"][thought.env].any()) for thought in thoughts)
+            return np.full(len(observations["gps"]), Action.THINK)
+
+        def ended(self, done: NDArray[np.bool_]) -> None:
+            """Nothing to forget."""
+
+    think = smoke.think.model_copy(update={"dropout": 0.9})
+    conditions = Conditions(smoke.env, think, num_envs=2)
+    with PlannerClient(MockTransport(lambda request: "turn left")) as planner:
+        play(lambda env, seed: Thinker(), conditions, homes.scenes, homes.train[:2], planner, Interruption())
+    assert told == [True] * 2 * (smoke.env.max_steps - 1)
 
 
 def test_agents_that_are_not_there_or_lack_a_planner_are_refused(smoke: TrainConfig) -> None:

@@ -25,7 +25,10 @@ from thinknav_trainer.scenes import make_homes
 from thinknav_trainer.train import train
 
 KILLS = int(os.environ.get("THINKNAV_KILLS", "4"))
-OVERRIDES = ("policy.stop_bias=-1", "policy.think_bias=1", "ppo.precision=float32", "checkpoint_every=64")
+OVERRIDES = (
+    *("policy.stop_bias=-1", "policy.think_bias=1", "ppo.precision=float32", "checkpoint_every=64"),
+    *("think.budget=0.2", "think.dropout=0.3", "think.forced=0.2"),
+)
 
 
 def go_on(folder: Path, config: TrainConfig, latency: float) -> None:

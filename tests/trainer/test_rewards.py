@@ -14,6 +14,7 @@ STEP = ThinkStep(
     standing_before=np.array([0, 0, 1, 1, 0], np.int8),
     standing=np.array([0, 1, -1, 1, 0], np.int8),  # the last one stopped
     progress=np.array([0, 0.25, 0.25, 0, 0], np.float32),
+    price=0.01,
     share=0.3,
     discount=0.9,
 )
@@ -24,7 +25,7 @@ def test_task_adds_nothing() -> None:
 
 
 def test_think_cost_charges_thinking_alone() -> None:
-    terms = REWARD_SCHEMES["think_cost"](STEP, ThinkConfig(cost=0.02))
+    terms = REWARD_SCHEMES["think_cost"](replace(STEP, price=0.02), ThinkConfig())
     assert list(terms) == ["think_cost"]
     assert terms["think_cost"] == pytest.approx([-0.02, 0, 0, 0, 0])
 
@@ -59,14 +60,14 @@ def test_a_potential_pays_nothing_over_an_episode(agreements: list[int]) -> None
     for t, agreement in enumerate(agreements):
         after = 0 if t == len(agreements) - 1 else agreement or standing
         agreed, before, now = (np.array([value], np.int8) for value in (agreement, standing, after))
-        step = ThinkStep(np.array([False]), agreed, before, now, np.zeros(1, np.float32), share=0.0, discount=0.9)
+        step = ThinkStep(np.array([False]), agreed, before, now, np.zeros(1, np.float32), 0.01, share=0.0, discount=0.9)
         total += 0.9**t * float(REWARD_SCHEMES["potential"](step, ThinkConfig())["agreement"][0])
         standing = after
     assert total == pytest.approx(0, abs=1e-6)
 
 
 def test_to_think_and_agree_for_ever_earns_nothing_when_capped() -> None:
-    terms = REWARD_SCHEMES["capped"](STEP, ThinkConfig(cost=0.02, agreement_bonus=0.5))
+    terms = REWARD_SCHEMES["capped"](replace(STEP, price=0.02), ThinkConfig(agreement_bonus=0.5))
     assert terms["think_cost"][0] + terms["agreement"][1] <= 0
 
 

@@ -191,6 +191,36 @@ def test_a_planner_that_is_gone_too_long_ends_the_run(thinking_env: MakeThinking
         env.step(act(THINK, LEFT))
 
 
+def test_a_withheld_reply_is_no_thought_but_costs(thinking_env: MakeThinkingEnv) -> None:
+    env = thinking_env(say("turn left"), reward="paper", dropout=0.5, count=8, max_steps=100)
+    env.reset()
+    seen: list[bool] = []
+    for _ in range(10):
+        step = env.step(np.full(8, Action.THINK))
+        assert [thought.subgoal for thought in step.thoughts] == ["turn left"] * 8
+        assert step.rewards == pytest.approx(np.full(8, -0.011))
+        told = np.asarray(step.observations["thought"].any(axis=1))
+        before = env._term_sums["agreement"].copy()
+        env.step(np.full(8, Action.TURN_RIGHT))
+        assert env._term_sums["agreement"] - before == pytest.approx(np.where(told, -0.1, 0))  # nothing to judge
+        seen.extend(told.tolist())
+    assert 0.3 < np.mean(seen) < 0.7
+    assert (env.counts.asked, env.counts.answered, env.counts.failed) == (80, 80, 0)
+    assert env.counts.withheld == 80 - sum(seen)
+
+
+def test_which_replies_are_withheld_goes_on_from_a_state(thinking_env: MakeThinkingEnv) -> None:
+    one, other = (thinking_env(say("turn left"), dropout=0.5, max_steps=100) for _ in range(2))
+    one.reset()
+    other.reset()
+    for _ in range(5):
+        one.step(act(THINK, THINK))
+    other.load_state_dict(one.state_dict())
+    for _ in range(20):
+        a, b = (env.step(act(THINK, THINK)).observations["thought"].any(axis=1).tolist() for env in (one, other))
+        assert a == b
+
+
 # Strategies and state
 
 

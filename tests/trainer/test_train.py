@@ -48,11 +48,11 @@ def test_a_run_leaves_metrics_thoughts_and_checkpoints(tmp_path: Path, smoke: Tr
 
 
 def test_a_resumed_run_equals_one_that_was_not_interrupted(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
-    config = config_of(smoke)
+    config = config_of(smoke, "think.budget=0.1", "think.dropout=0.3")
     whole = Run.create(tmp_path / "whole", config)
     train(whole, homes, planner(), Interruption())
     whole.close()
-    first = Run.create(tmp_path / "halves", config_of(smoke, "total_steps=128"))
+    first = Run.create(tmp_path / "halves", change_config(config, overrides=["total_steps=128"]))
     middle = train(first, homes, planner(), Interruption())
     first.close()
     second = Run(tmp_path / "halves", config, steps=128)
@@ -61,9 +61,25 @@ def test_a_resumed_run_equals_one_that_was_not_interrupted(tmp_path: Path, smoke
     a, b = (Checkpoint.load(list_checkpoints(tmp_path / name)[-1]) for name in ("whole", "halves"))
     for name, weight in a.policy.items():
         assert torch.equal(weight, b.policy[name]), name
+    prices = [row["think_price"] for row in read_metrics(tmp_path / "halves")]
+    assert prices[2] != prices[1] != 0.01
     for log in ("metrics", "thoughts", "embeddings"):
         texts = {(tmp_path / name / f"{log}.jsonl").read_text() for name in ("whole", "halves")}
         assert len(texts) == 1, log
+
+
+def test_thinks_are_charged_at_the_price_that_keeps_the_budget(
+    tmp_path: Path, smoke: TrainConfig, homes: Homes
+) -> None:
+    run = Run.create(tmp_path, config_of(smoke, "think.budget=0.01", "think.budget_lr=1", "think.budget_after=0.3"))
+    last = Checkpoint.load(train(run, homes, planner(), Interruption()))
+    run.close()
+    rows = read_metrics(tmp_path)
+    # Two updates before 0.3 of the run leave it alone; what the others set is charged from the next rollout on.
+    assert [row["think_price"] for row in rows] == pytest.approx([0.01, 0.01, 1.01, 2.01])
+    assert last.state["price"] == {"now": pytest.approx(2.01)}
+    assert rows[1]["reward/think_cost"] == pytest.approx(-0.01 * rows[1]["thinks"], abs=1e-6)
+    assert rows[3]["reward/think_cost"] < -0.1 * rows[3]["thinks"]
 
 
 def test_a_run_that_does_not_wait_counts_each_step_and_thought_once(

@@ -32,7 +32,10 @@ from thinknav_trainer.train import agree, observation_shape
 from thinknav_trainer.vision import EmbeddingSpaceError
 from thinknav_trainer.workers import Lone, Workers, join_workers, seed_of
 
-OVERRIDES = ("ppo.precision=float32", "policy.stop_bias=-1", "policy.think_bias=1")
+OVERRIDES = (
+    *("ppo.precision=float32", "policy.stop_bias=-1", "policy.think_bias=1"),
+    *("think.budget=0.2", "think.dropout=0.3"),
+)
 
 
 @pytest.fixture(scope="module")
@@ -108,7 +111,8 @@ def collect_twice(workers: Workers, config: TrainConfig) -> list[int]:
 
 
 def test_a_straggler_stops_after_a_quarter(config: TrainConfig) -> None:
-    never = change_config(config, overrides=["think.strategy=never", "deterministic=false", "workers.sync_frac=0.5"])
+    alone = ["think.strategy=never", "think.budget=null", "think.dropout=0"]
+    never = change_config(config, overrides=[*alone, "deterministic=false", "workers.sync_frac=0.5"])
     assert values(together(collect_twice, never, never)) == [[64, 16], [16, 64]]
 
 
@@ -180,6 +184,8 @@ def test_steps_are_counted_in_all_and_written_once(runs: Path, config: TrainConf
     ended = [end["measures"] for each in (state["collector"], other["collector"]) for end in each["recent"]]
     assert metrics["spl"] == pytest.approx(np.mean([measures["spl"] for measures in ended]))
     assert sum(m["steps"] for m in ended) + sum(env["env"]["agents"]["steps"].sum() for env in envs) == 256
+    assert metrics["thoughts/withheld"] == sum(env["counts"]["withheld"] for env in envs) > 0
+    assert metrics["think_price"] == state["price"]["now"] == pytest.approx(0.012)  # both rollouts were far above
     poses = [env["env"]["agents"]["poses"] for env in envs]
     assert not np.array_equal(*poses)
 
@@ -234,7 +240,7 @@ def test_parked_envs_of_a_worker_that_is_no_more_have_asked_in_vain(smoke: Train
     gone.step(np.array([Action.THINK, Action.MOVE_FORWARD]))
     gone.think(np.array([0, 1]))
     left.adopt_counts(gone.state_dict())
-    assert vars(left.counts) == {"asked": 3, "answered": 1, "failed": 2}
+    assert vars(left.counts) == {"asked": 3, "answered": 1, "failed": 2, "withheld": 0}
 
 
 def test_a_replay_is_for_one_process(config: TrainConfig, tmp_path: Path) -> None:

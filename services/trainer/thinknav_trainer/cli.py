@@ -18,7 +18,18 @@ from thinknav_sim.episodes import EpisodeError
 from thinknav_sim.render import RendererUnavailable
 from thinknav_sim.scene import SceneError
 from thinknav_trainer.checkpoint import CheckpointError
-from thinknav_trainer.commands import ask, bench, compare, episodes, evaluate, experiment, homes, models, scenes
+from thinknav_trainer.commands import (
+    ask,
+    bench,
+    budgets,
+    compare,
+    episodes,
+    evaluate,
+    experiment,
+    homes,
+    models,
+    scenes,
+)
 from thinknav_trainer.config import ConfigError, TrainConfig, change_config, load_config, presets
 from thinknav_trainer.demo import run_demo
 from thinknav_trainer.dumps import TrainingDiverged
@@ -57,6 +68,7 @@ app.add_typer(bench.app, name="bench")
 app.add_typer(scenes.app, name="scenes")
 app.command("ask")(ask.ask)
 app.command("eval")(evaluate.evaluate)
+app.command("budgets")(budgets.budgets)
 app.command("compare")(compare.compare_runs)
 app.command("experiment")(experiment.experiment)
 app.add_typer(models.app, name="models")

@@ -48,7 +48,7 @@ def read_evaluations(paths: Sequence[Path]) -> list[Evaluated]:
         for path, folder in ((path, find_evaluation(path)) for path in paths)
     ]
     for other in read[1:]:
-        _check_same(read[0], other)
+        require_same_episodes(str(read[0].folder), read[0].records, str(other.folder), other.records)
     return read
 
 
@@ -68,15 +68,17 @@ def compare(evaluations: Sequence[Evaluated]) -> list[Column]:
     return columns
 
 
-def _check_same(one: Evaluated, other: Evaluated) -> None:
-    ours = {(record.scene, record.episode_id, record.category) for record in one.records}
-    theirs = {(record.scene, record.episode_id, record.category) for record in other.records}
+def require_same_episodes(
+    one: str, records: Sequence[EpisodeRecord], other: str, other_records: Sequence[EpisodeRecord]
+) -> None:
+    """Refuse to compare evaluations, so named, of different episodes. Raises ConfigError."""
+    ours = {(record.scene, record.episode_id, record.category) for record in records}
+    theirs = {(record.scene, record.episode_id, record.category) for record in other_records}
     if ours != theirs:
         odd = min(ours ^ theirs)
-        holder = one if odd in ours else other
         raise ConfigError(
-            f"{one.folder} and {other.folder} are of different episodes ({len(ours)} and {len(theirs)}, "
-            f"{len(ours & theirs)} in both): only {holder.folder} has {odd[1]!r}; evaluate both on the same ones"
+            f"{one} and {other} are of different episodes ({len(ours)} and {len(theirs)}, {len(ours & theirs)} in "
+            f"both): only {one if odd in ours else other} has {odd[1]!r}; evaluate both on the same ones"
         )
 
 

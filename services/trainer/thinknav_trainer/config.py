@@ -110,6 +110,21 @@ class ThinkConfig(Section):
         "think_cost", description="the reward scheme (rewards.py)"
     )
     cost: float = Field(0.01, ge=0, description="charged for each think")
+    budget: float | None = Field(
+        None,
+        gt=0,
+        lt=1,
+        description="for strategy agent: share of steps that may be thinks; their price begins at think.cost, rises "
+        "while there are more and falls while there are fewer; none: the price stays",
+    )
+    budget_lr: float = Field(0.001, gt=0, description="the most by which an update changes the price of a think")
+    budget_after: float = Field(0.0, ge=0, lt=1, description="share of the run over which that price does not change")
+    dropout: float = Field(
+        0.0,
+        ge=0,
+        lt=1,
+        description="for strategies agent and every_n: share of replies withheld from the policy while it learns",
+    )
     agreement_bonus: float = Field(0.1, ge=0, description="the paper's reward for doing what the subgoal says")
     bonus_until: float = Field(0.6, gt=0, le=1, description="share of the run over which the annealed bonus fades")
     frame_size: int = Field(128, ge=16, le=1024, description="width and height of the frame the planner sees, pixels")
@@ -241,6 +256,12 @@ class TrainConfig(Section):
                 "warm_start.demonstrator planner shows how to think: it needs think.strategy agent, not "
                 f"{self.think.strategy}; bump-walker does not"
             )
+        if self.think.budget is not None and self.think.strategy != "agent":
+            raise ValueError(f"think.budget is for strategy agent, not {self.think.strategy}")
+        if self.think.budget is not None and self.think.reward == "task":
+            raise ValueError("think.budget needs a reward scheme that charges thinks; task does not")
+        if self.think.dropout and self.think.strategy not in ("agent", "every_n"):
+            raise ValueError(f"think.dropout is for strategies agent and every_n, not {self.think.strategy}")
         return self
 
     @property

@@ -99,13 +99,14 @@ def play(
 ) -> list[EpisodeRecord]:
     """Play each episode once with any agent; records in the order of `episodes`.
 
-    planner: None for an agent that never thinks. The same arguments give the same records, but for planners' seconds.
+    planner: None for an agent that never thinks; no reply of it is withheld. The same arguments give the same records,
+    but for planners' seconds.
     An interruption ends it early, with fewer records.
     """
     count = min(conditions.num_envs, len(episodes))
     task = conditions.task.model_copy(update={"think_action": planner is not None})
     vector_env = ObjectNavVectorEnv(scenes, episodes, count, task, seed=conditions.seed, order="sequential")
-    env = ThinkingEnv(vector_env, conditions.think, planner)
+    env = ThinkingEnv(vector_env, conditions.think.model_copy(update={"dropout": 0.0}), planner)
     agent = make_agent(env, conditions.seed)
     witness = Witness(vector_env)
     records: dict[int, EpisodeRecord] = {}

@@ -61,7 +61,7 @@ def play_agent(
 ) -> tuple[dict[str, Any], list[EpisodeRecord]]:
     """Play episodes with a named agent: the protocol of it, and the records.
 
-    planner: for the agent that thinks; others leave it alone.
+    planner: for agents that think; others leave it alone.
     Raises ConfigError for an agent that is not there or lacks its planner.
     """
     agent = named_agent(name, setting.obedience)
@@ -76,7 +76,7 @@ def play_agent(
     protocol = {
         "agent": name,
         "privileged": agent.privileged or isinstance(asked, PrivilegedPlanner),
-        "obedience": vars(setting.obedience) if agent.thinks else None,
+        "obedience": vars(setting.obedience) if name == "planner" else None,
         "split": episodes.name,
         "episodes": len(records),
         "clock": vars(setting.clock),

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from thinknav_trainer.config import ConfigError
+from thinknav_trainer.farming import FARMING
 from thinknav_trainer.statistics import bootstrap_interval
 
 MEASURES = (
@@ -27,6 +28,7 @@ MEASURES = (
     "thinks",
     "think_rate",
     "planner_seconds",
+    *FARMING,
 )
 
 # mean, low and high by measure
@@ -37,7 +39,7 @@ Summary = dict[str, dict[str, float]]
 class EpisodeRecord:
     """One evaluated episode.
 
-    measures: the task's, and those that docs/evaluation.md defines. terms: sums of the reward's.
+    measures: the task's, and those that docs/evaluation.md and docs/metrics.md define. terms: sums of the reward's.
     path: (x, y, z, heading) before each step. actions: the steps. thoughts: (step, subgoal) for each reply.
     first_seen: the first step at which the goal was in view. failure: why it failed (`failures.Cause`), or none.
     """
@@ -109,4 +111,7 @@ def read_evaluation(folder: Path) -> tuple[dict[str, Any], list[EpisodeRecord]]:
         raise ConfigError(f"{folder} holds no evaluation: cannot read {error.filename} ({error.strerror})") from None
     except (json.JSONDecodeError, TypeError) as error:
         raise ConfigError(f"{folder} holds an evaluation that cannot be read ({error}); evaluate again") from None
+    missing = sorted({name for record in records for name in MEASURES if name not in record.measures})
+    if missing:
+        raise ConfigError(f"{folder} holds an older evaluation, without {', '.join(missing)}; evaluate again")
     return result, records

@@ -24,6 +24,7 @@ class ThinkStep:
     standing_before, standing: (n,) int8, the episode's last judgement before and after this step; 0 without one, and
     after a stop.
     progress: (n,) float32, metres that the goal came nearer.
+    price: what a think costs: `think.cost`, or what keeps `think.budget`.
     share: of the run that is done, 0 to 1. discount: the learner's.
     """
 
@@ -32,6 +33,7 @@ class ThinkStep:
     standing_before: NDArray[np.int8]
     standing: NDArray[np.int8]
     progress: NDArray[np.float32]
+    price: float
     share: float
     discount: float
 
@@ -44,9 +46,9 @@ def task(step: ThinkStep, config: ThinkConfig) -> Terms:  # noqa: ARG001
     return {}
 
 
-def think_cost(step: ThinkStep, config: ThinkConfig) -> Terms:
-    """Each think costs `config.cost`; nothing else is said about how to use it."""
-    return {"think_cost": -config.cost * step.thought.astype(np.float32)}
+def think_cost(step: ThinkStep, config: ThinkConfig) -> Terms:  # noqa: ARG001
+    """Each think costs its price; nothing else is said about how to use it."""
+    return {"think_cost": -step.price * step.thought.astype(np.float32)}
 
 
 def paper(step: ThinkStep, config: ThinkConfig) -> Terms:
@@ -66,8 +68,8 @@ def annealed(step: ThinkStep, config: ThinkConfig) -> Terms:
 
 
 def capped(step: ThinkStep, config: ThinkConfig) -> Terms:
-    """The paper's, with a bonus no larger than the cost: to think and agree for ever earns nothing."""
-    return _with_agreement(step, config, min(config.agreement_bonus, config.cost))
+    """The paper's, with a bonus no larger than the price: to think and agree for ever earns nothing."""
+    return _with_agreement(step, config, min(config.agreement_bonus, step.price))
 
 
 def progress_gated(step: ThinkStep, config: ThinkConfig) -> Terms:

@@ -6,7 +6,7 @@
 3. Every other observation carries zeros, and no thought outlives its episode.
 4. The first action after a reply that is not think is judged against the subgoal's direction; a subgoal without one
    judges nothing, and a second think replaces the first, unjudged.
-5. A planner that fails gives zeros, judges nothing, and is counted.
+5. A planner that fails gives zeros, judges nothing, and is counted; so does a reply that is withheld (`think.dropout`).
 
 An env that thinks is parked until its reply is there: the simulator takes its step then, and not before. Whether the
 others go on meanwhile is for the caller to say. Knows nothing of networks and of learning.
@@ -27,6 +27,7 @@ from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.asking import Asking, AskTogether
 from thinknav_trainer.config import ThinkConfig
 from thinknav_trainer.direction import subgoal_direction
+from thinknav_trainer.farming import farming_measures
 from thinknav_trainer.forcing import FORCED_THINK
 from thinknav_trainer.patience import Patience
 from thinknav_trainer.planner import Answer, PlannerClient, encode_frame
@@ -37,6 +38,7 @@ from thinknav_trainer.recent_frames import RecentFrames
 from thinknav_trainer.rewards import REWARD_SCHEMES, Terms, ThinkStep
 from thinknav_trainer.strategies import STRATEGIES
 from thinknav_trainer.thoughts import Thought
+from thinknav_trainer.trajectories import Trajectories
 
 NOTHING_TO_JUDGE = -1
 
@@ -48,7 +50,7 @@ def task_description(category: str) -> str:
 
 @dataclass(frozen=True)
 class EpisodeEnd:
-    """An episode that ended in this step: the task's measures, and the sum of each reward term over it."""
+    """An episode that ended in this step: the task's measures and those of `farming`, and the sums of reward terms."""
 
     env: int
     episode_index: int
@@ -76,11 +78,15 @@ class Step:
 
 @dataclass
 class ThinkCounts:
-    """How many thoughts were asked for, and what became of them; of those who are parked that is still open."""
+    """How many thoughts were asked for, and what became of them; of those who are parked that is still open.
+
+    withheld: of those that were answered, how many the policy did not get to see.
+    """
 
     asked: int = 0
     answered: int = 0
     failed: int = 0
+    withheld: int = 0
 
 
 class ThinkingEnv:
@@ -97,9 +103,10 @@ class ThinkingEnv:
         planner: PlannerClient | None,
         asking: Callable[[PlannerClient], Asking] = AskTogether,
         discount: float = 0.99,
+        seed: int = 0,
     ) -> None:
         """asking: how; a privileged planner has a way of its own. discount: the learner's, for reward schemes that go
-        by it.
+        by it. seed: of which replies are withheld.
         """
         if (planner is None) != (config.strategy == "never"):
             raise ValueError(f"strategy {config.strategy!r} {'needs a' if planner is None else 'takes no'} planner")
@@ -115,6 +122,8 @@ class ThinkingEnv:
         self._discount = discount
         self._scheme = REWARD_SCHEMES[config.reward]
         self.share = 1.0  # of the run that is done: what fades over a run is gone at its end, and afterwards
+        self.price = config.cost  # of a think; whoever keeps a budget changes it
+        self._withholding = np.random.default_rng((seed, 2))
         self._steps = np.zeros(env.num_envs, np.int64)  # of each episode so far
         self._to_judge = np.full(env.num_envs, NOTHING_TO_JUDGE)  # the action that the last subgoal called for
         self._standing = np.zeros(env.num_envs, np.int8)  # the last judgement of each episode
@@ -124,6 +133,7 @@ class ThinkingEnv:
         self._request_number = 0
         self._frames = PlannerFrames(env, config.frame_size)
         self._recent = RecentFrames(env, self._frames, config)
+        self._trajectories = Trajectories(env.num_envs)
         self._round = 0  # of looking for replies, since the run began
         self.texts: dict[str, NDArray[np.float32]] = {}  # what was embedded so far
         self._descriptions = self.embed([task_description(category) for category in GOAL_CATEGORIES])
@@ -146,6 +156,7 @@ class ThinkingEnv:
         observations, _ = self.env.reset()
         self._to_judge[:] = NOTHING_TO_JUDGE
         self._recent.forget(range(self.num_envs))
+        self._trajectories.forget(range(self.num_envs))
         self._steps[:] = 0
         self._standing[:] = 0
         for env in range(self.num_envs):
@@ -199,9 +210,12 @@ class ThinkingEnv:
         """Step these envs (n,) with their actions (n,); `replies` has those to the thinks among them."""
         thoughts = [Thought(env, self._goal(env), reply, self._round) for env, reply in sorted(replies.items())]
         self._recent.look(envs.tolist())
+        poses = self.env.poses[envs]
         observations, rewards, terminated, truncated, infos = self.env.step_subset(envs, actions)
         terms: Terms = dict(infos["reward_terms"])
-        extra = self._scheme(self._judged(envs, actions, terms["progress"], terminated), self._config)
+        judged = self._judged(envs, actions, terms["progress"], terminated)
+        self._trajectories.note(envs, poses, actions, judged.agreement)
+        extra = self._scheme(judged, self._config)
         told = self._told(envs, actions, replies)
         for term in extra.values():
             rewards = rewards + term
@@ -246,9 +260,15 @@ class ThinkingEnv:
         """Rules 2, 3 and 5: the reply to this step's think, once; zeros for those who did not think, or in vain."""
         for row, env in enumerate(envs.tolist()):
             reply = replies.get(env)
-            if isinstance(reply, SubgoalReply):
+            if isinstance(reply, SubgoalReply) and not self._withholds():
                 told[row] = reply.embedding
                 self._note_direction(env, subgoal_direction(reply.subgoal))
+
+    def _withholds(self) -> bool:
+        """Whether the next reply is withheld."""
+        withheld = bool(self._config.dropout) and self._withholding.random() < self._config.dropout
+        self.counts.withheld += withheld
+        return withheld
 
     def _instructions(
         self,
@@ -308,7 +328,8 @@ class ThinkingEnv:
         before = self._standing[envs]
         standing = np.where(terminated, 0, np.where(agreement != 0, agreement, before)).astype(np.int8)
         self._standing[envs] = standing
-        return ThinkStep(actions == Action.THINK, agreement, before, standing, progress, self.share, self._discount)
+        thinks = actions == Action.THINK
+        return ThinkStep(thinks, agreement, before, standing, progress, self.price, self.share, self._discount)
 
     def _show_thoughts(
         self,
@@ -339,9 +360,11 @@ class ThinkingEnv:
             env = int(envs[row])
             measures = {name: float(values[row]) for name, values in infos["episode"].items()}
             sums = {name: float(values[env]) for name, values in self._term_sums.items()}
+            measures |= farming_measures(self._trajectories.of(env), sums)
             ended.append(EpisodeEnd(env, int(infos["episode_index"][row]), measures, sums))
         self._to_judge[envs[done]] = NOTHING_TO_JUDGE
         self._recent.forget(envs[done].tolist())
+        self._trajectories.forget(envs[done].tolist())
         self._standing[envs[done]] = 0
         for env in envs[done].tolist():
             self._plans.forget(env)
@@ -361,7 +384,9 @@ class ThinkingEnv:
             "counts": asdict(self.counts) | {"asked": self.counts.asked - len(self.parked)},
             "request_number": self._request_number,
             "frames": self._recent.state_dict(),
+            "trajectories": self._trajectories.state_dict(),
             "round": self._round,
+            "withholding": self._withholding.bit_generator.state,
             "parked": sorted(self.parked),
         }
 
@@ -371,6 +396,7 @@ class ThinkingEnv:
         self.counts.asked += counts.asked + in_vain
         self.counts.answered += counts.answered
         self.counts.failed += counts.failed + in_vain
+        self.counts.withheld += counts.withheld
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on exactly where `state_dict` was taken."""
@@ -384,5 +410,8 @@ class ThinkingEnv:
         self.counts = ThinkCounts(**state["counts"])
         self._request_number = state["request_number"]
         self._recent.load_state_dict(state["frames"])
+        # Older checkpoints lack these two: what their open episodes did until now is not known.
+        self._trajectories.load_state_dict(state.get("trajectories", [()] * self.num_envs))
+        self._withholding.bit_generator.state = state.get("withholding", self._withholding.bit_generator.state)
         self._round = state["round"]
         self.think(np.array(state["parked"], np.int64))

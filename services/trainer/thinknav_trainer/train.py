@@ -37,6 +37,7 @@ from thinknav_trainer.run import Run
 from thinknav_trainer.run_elsewhere import RunElsewhere
 from thinknav_trainer.scenes import Homes
 from thinknav_trainer.summary import share_of, summarize
+from thinknav_trainer.think_price import ThinkPrice
 from thinknav_trainer.thinking import ThinkingEnv
 from thinknav_trainer.thought_scale import centre_and_scale, typical_sentences
 from thinknav_trainer.vision import EmbeddingSpaceError
@@ -60,6 +61,7 @@ class Session:
     learner: PPO
     actor: Actor
     collector: Collector
+    price: ThinkPrice
     planner: PlannerClient | None
     workers: Workers = field(default_factory=Lone)
     steps: int = 0
@@ -94,8 +96,8 @@ def train(
     due = session.steps + config.checkpoint_every
     with progress_bar("training", config.total_steps, session.steps) as bar:
         while session.steps < config.total_steps and not any_of(workers, interruption.requested):
-            losses, transitions = improve(session, run)
-            metrics = log_update(session, run, losses, transitions)
+            learnt, transitions = improve(session, run)
+            metrics = log_update(session, run, learnt, transitions)
             bar.update(session.steps, f"success {metrics.get('success', 0):.2f}")
             if session.steps >= due:
                 validate(session, run, homes, interruption)
@@ -109,8 +111,12 @@ def train(
 
 
 def improve(session: Session, run: Run | RunElsewhere) -> tuple[dict[str, float], int]:
-    """Collect once and learn from it: the losses and this worker's number of transitions. Raises TrainingDiverged."""
+    """Collect once and learn from it: what to log of that, and this worker's number of transitions.
+
+    Raises TrainingDiverged.
+    """
     session.env.share = session.steps / run.config.total_steps
+    session.env.price = session.price.now
     try:
         rollout = session.collector.collect()
         with session.collector.stopwatch("learn"):
@@ -121,7 +127,12 @@ def improve(session: Session, run: Run | RunElsewhere) -> tuple[dict[str, float]
         raise TrainingDiverged(
             f"not finite after {session.steps} steps: {error}; to see it again: thinknav reproduce {path}"
         ) from error
-    return losses, len(rollout)
+    return named_losses(losses) | session.price.update(rollout, session.env.share), len(rollout)
+
+
+def named_losses(losses: dict[str, float]) -> dict[str, float]:
+    """As the log names them."""
+    return {f"losses/{name}": value for name, value in losses.items()}
 
 
 def imitate(session: Session, run: Run | RunElsewhere, interruption: Interruption) -> None:
@@ -138,20 +149,20 @@ def imitate(session: Session, run: Run | RunElsewhere, interruption: Interruptio
             rollout = shown.collect(own=config.warm_start.own_share * session.steps / wanted)
             with session.collector.stopwatch("learn"):
                 losses = cloner.update(rollout)
-            log_update(session, run, losses, len(rollout))
+            log_update(session, run, named_losses(losses), len(rollout))
             bar.update(session.steps, f"accuracy {losses['cloning_accuracy']:.2f}")
     session.collector.restart()
     run.checkpoint(snapshot(session, config))
 
 
 def log_update(
-    session: Session, run: Run | RunElsewhere, losses: dict[str, float], transitions: int
+    session: Session, run: Run | RunElsewhere, learnt: dict[str, float], transitions: int
 ) -> dict[str, float]:
     """Count the steps of an update, in all, and write everything down about it; the metrics."""
     shares = session.workers.gather(share_of(session.collector, session.env, transitions))
     together = sum(share.transitions for share in shares)
     session.steps += together
-    metrics = summarize(shares) | {f"losses/{name}": value for name, value in losses.items()}
+    metrics = summarize(shares) | learnt
     _warn_of_short_episodes(session, metrics, sum(share.recent for share in shares))
     seconds = session.collector.stopwatch.take()
     timing = {f"time/{name}": value for name, value in seconds.items()}
@@ -207,7 +218,7 @@ def open_session(
         resume_from.require(action_space(config), embedding_space(planner))
     seed = seed_of(config.seed, workers.rank, 0 if resume_from is None else resume_from.steps)
     vector_env = ObjectNavVectorEnv(homes.scenes, homes.train, config.num_envs, config.task, seed=seed, order="random")
-    env = ThinkingEnv(vector_env, config.think, planner, _asking(config, recording), config.ppo.gamma)
+    env = ThinkingEnv(vector_env, config.think, planner, _asking(config, recording), config.ppo.gamma, seed)
     torch.manual_seed(config.seed)
     policy = Policy(observation_shape(config, planner), config.network)
     if planner is not None and resume_from is None:
@@ -217,7 +228,8 @@ def open_session(
         agree(workers, policy, planner)
     actor = Actor(policy, config.num_envs, config.ppo.precision, seed)
     learner = PPO(policy, config.ppo, seed, workers)
-    session = Session(env, learner, actor, Collector(env, actor, config.ppo, workers), planner, workers)
+    collector, price = Collector(env, actor, config.ppo, workers), ThinkPrice(config.think, workers)
+    session = Session(env, learner, actor, collector, price, planner, workers)
     if resume_from is not None:
         restore(session, resume_from)
     return session
@@ -253,6 +265,7 @@ def restore(session: Session, checkpoint: Checkpoint) -> None:
             session.collector.adopt_counts(gone["collector"])
     session.steps = checkpoint.steps
     session.best = state["best"]
+    session.price.load_state_dict(state.get("price", session.price.state_dict()))  # older checkpoints have none
 
 
 def _asking(config: TrainConfig, recording: Recording | None) -> Callable[[PlannerClient], Asking]:
@@ -307,6 +320,7 @@ def snapshot(session: Session, config: TrainConfig) -> Checkpoint:
             "collector": collector,
             "others": states[1:],
             "best": session.best,
+            "price": session.price.state_dict(),
         },
     )
 

@@ -18,6 +18,7 @@ from thinknav_trainer.run import Run, RunError, list_checkpoints, newest_checkpo
 from thinknav_trainer.run_elsewhere import RunElsewhere
 from thinknav_trainer.scenes import Homes, make_homes
 from thinknav_trainer.train import action_space, embedding_space, observation_shape, require_shared_space, train
+from thinknav_trainer.when_to_think import WhenToThink
 from thinknav_trainer.workers import Lone, Workers
 
 logger = logging.getLogger(__name__)
@@ -114,22 +115,26 @@ def evaluate_checkpoint(
     homes: Homes | None = None,
     elsewhere: EpisodeSet | None = None,
     clock: Clock = Clock(),
+    when: WhenToThink = WhenToThink(),
 ) -> tuple[Path, list[EpisodeRecord]]:
     """Play a split, or episodes `elsewhere`, with a checkpoint's policy: the folder of the result, and the records.
 
+    when: it thinks, if otherwise than it learnt to; such results lie in `budgets/` of the run by default.
     When the user interrupts, nothing is written: part of a split is biased towards short episodes.
     """
     if split not in SPLITS:
         raise ConfigError(f"there is no split {split!r}; there are {' and '.join(SPLITS)}")
     checkpoint = Checkpoint.load(path)
-    config = parse_config(checkpoint.config).with_planner(planner_url)
+    config = when.configure(parse_config(checkpoint.config).with_planner(planner_url))
     where = split if elsewhere is None else elsewhere.name
-    folder = output or path.parent.parent / "evaluations" / f"{path.stem}-{re.sub(r'[^A-Za-z0-9_.-]+', '_', where)}"
+    usual = evaluation_folder(path, where) if when.as_learnt else evaluation_folder(path, where, "budgets") / when.name
+    folder = output or usual
     with ExitStack() as stack:
         planner = connect_if_thinking(config, stack)
         checkpoint.require(action_space(config), embedding_space(planner))
         policy = Policy(observation_shape(config, planner), config.policy)
         policy.load_state_dict(checkpoint.policy)
+        when.apply(policy)
         played = elsewhere or _own_split(homes or make_homes(config), split)
         records = evaluate(policy, config, played.scenes, played.episodes, planner, interrupted, greedy, clock)
         protocol = {
@@ -138,6 +143,7 @@ def evaluate_checkpoint(
             "clock": vars(clock),
             "episodes": len(records),
             "actions": "greedy" if greedy else "sampled",
+            "thinking": vars(when),
             "planner": None if planner is None else planner.info.identity,
             "privileged": isinstance(planner, PrivilegedPlanner),
             "config": config.model_dump(mode="json"),
@@ -145,6 +151,11 @@ def evaluate_checkpoint(
         if not interrupted.requested:
             write_evaluation(folder, protocol, records)
     return folder, records
+
+
+def evaluation_folder(checkpoint: Path, where: str, kind: str = "evaluations") -> Path:
+    """Where in its run a checkpoint's evaluation lies. where: the episodes' name."""
+    return checkpoint.parent.parent / kind / f"{checkpoint.stem}-{re.sub(r'[^A-Za-z0-9_.-]+', '_', where)}"
 
 
 def _own_split(homes: Homes, split: str) -> EpisodeSet:

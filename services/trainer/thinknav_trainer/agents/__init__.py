@@ -2,6 +2,7 @@
 
 from thinknav_trainer.agents.agent import Agent, Demonstrator
 from thinknav_trainer.agents.baselines import BumpWalker, PerfectStop, RandomAgent, ShortestPathAgent
+from thinknav_trainer.agents.farmer import Farmer
 from thinknav_trainer.agents.frontier import FrontierAgent
 from thinknav_trainer.agents.named import AGENTS, DEMONSTRATORS, MakeAgent, NamedAgent, obedient
 from thinknav_trainer.agents.obedient import Obedience, ObedientAgent
@@ -13,6 +14,7 @@ __all__ = [
     "Agent",
     "BumpWalker",
     "Demonstrator",
+    "Farmer",
     "FrontierAgent",
     "MakeAgent",
     "NamedAgent",

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from thinknav_sim.task_config import Action
 from thinknav_trainer.agents.agent import Agent, Demonstrator
 from thinknav_trainer.agents.baselines import BumpWalker, PerfectStop, RandomAgent, ShortestPathAgent
+from thinknav_trainer.agents.farmer import Farmer
 from thinknav_trainer.agents.frontier import FrontierAgent
 from thinknav_trainer.agents.obedient import Obedience, ObedientAgent
 from thinknav_trainer.thinking import ThinkingEnv
@@ -60,6 +61,11 @@ AGENTS: dict[str, NamedAgent] = {
         "the same; told when to stop",
         lambda env, seed: PerfectStop(BumpWalker(env.num_envs, seed), env.env),
         privileged=True,
+    ),
+    "farmer": NamedAgent(
+        "thinks, obeys, undoes it; never stops",
+        lambda env, seed: Farmer(env.num_envs),  # noqa: ARG005
+        thinks=True,
     ),
     "frontier": NamedAgent(
         "explores by a map of its own; told which pixels show the goal",

@@ -18,6 +18,7 @@ from thinknav_trainer.evaluate_agent import Setting, named_agent, play_agent
 from thinknav_trainer.home_sets import parse_home_set
 from thinknav_trainer.interrupt import Interruption, interruption
 from thinknav_trainer.records import count_failures
+from thinknav_trainer.when_to_think import WhenToThink
 from thinknav_trainer.workflow import connect_if_thinking, evaluate_checkpoint
 
 _DEFAULT_HOMES = "val:0-20"
@@ -41,6 +42,12 @@ _POLICY = "A checkpoint's policy"
 Split = Annotated[str, typer.Option(help="held_out or train, of its run", rich_help_panel=_POLICY)]
 Greedy = Annotated[
     bool, typer.Option("--greedy", help="the likeliest action instead of sampling", rich_help_panel=_POLICY)
+]
+ThinkBias = Annotated[
+    float, typer.Option(help="added to the logit of think, to think more or less often", rich_help_panel=_POLICY)
+]
+ThinkEvery = Annotated[
+    int | None, typer.Option(min=1, help="think in each so-many-th step, and never else", rich_help_panel=_POLICY)
 ]
 
 _AGENT = "A named agent"
@@ -76,6 +83,8 @@ def evaluate(
     scenes: Scenes = None,
     split: Split = "held_out",
     greedy: Greedy = False,
+    think_bias: ThinkBias = 0.0,
+    think_every: ThinkEvery = None,
     agent: AgentName = None,
     preset: Preset = "cpu",
     config_file: ConfigFile = None,
@@ -92,15 +101,18 @@ def evaluate(
         raise ConfigError("give either a checkpoint or --agent")
     if homes is not None and episodes_file is not None:
         raise ConfigError("give either --homes or --episodes-file")
+    when = WhenToThink(think_bias, think_every)
+    if agent is not None and not when.as_learnt:
+        raise ConfigError("--think-bias and --think-every are for the policy of a checkpoint")
     clock = Clock(step_seconds, think_seconds)
-    where = _Where(homes, episodes_file, scenes, episodes)
+    where = Where(homes, episodes_file, scenes, episodes)
     with interruption() as interrupted:
         if checkpoint is not None:
             elsewhere = None
             if homes is not None or episodes_file is not None:
                 elsewhere = where.open(parse_config(Checkpoint.load(checkpoint).config).env)
             folder, records = evaluate_checkpoint(
-                checkpoint, split, interrupted, planner, greedy, output, elsewhere=elsewhere, clock=clock
+                checkpoint, split, interrupted, planner, greedy, output, elsewhere=elsewhere, clock=clock, when=when
             )
             title = f"episodes of {split if elsewhere is None else elsewhere.name}, {checkpoint}"
         else:
@@ -117,7 +129,7 @@ def evaluate(
     raise typer.Exit(interrupted.exit_code)
 
 
-class _Where:
+class Where:
     """The episodes that the options name, made or read when they are wanted."""
 
     def __init__(self, homes: str | None, file: Path | None, scenes: Path | None, count: int) -> None:
@@ -136,7 +148,7 @@ class _Where:
         return of_homes(parse_home_set(self._homes), self._count, config)
 
 
-def _play(name: str, where: _Where, setting: Setting, folder: Path, interrupted: Interruption) -> list[EpisodeRecord]:
+def _play(name: str, where: Where, setting: Setting, folder: Path, interrupted: Interruption) -> list[EpisodeRecord]:
     thinks = named_agent(name).thinks
     with ExitStack() as stack:
         planner = connect_if_thinking(setting.config, stack) if thinks else None

@@ -30,6 +30,7 @@ def panels(metrics: Sequence[dict[str, float]]) -> list[Panel]:
         Panel("SPL and SoftSPL", (("spl", "SPL"), ("soft_spl", "SoftSPL")), share=True),
         Panel("Distance to goal at the end, m", (("distance_to_goal", "distance"),)),
         Panel("Think rate (share of steps)", (("think_rate", "think rate"),)),
+        Panel("Loops and turns for nothing (shares)", (("think_loops", "loops"), ("spinning", "turns")), share=True),
         Panel("Reward of an episode, by term", tuple((term, term.removeprefix("reward/")) for term in terms)),
         Panel("Steps of an episode", (("episode_steps", "steps"),)),
     ]

@@ -10,6 +10,7 @@ import jinja2
 from thinknav_sim.objectnav import make_grid
 from thinknav_sim.render import make_renderer
 from thinknav_trainer.evaluate import EpisodeRecord, read_evaluation
+from thinknav_trainer.report.asks import asking_situations, draw_asks
 from thinknav_trainer.report.curves import draw_curve, panels
 from thinknav_trainer.report.floor_map import draw_floor_map, draw_path
 from thinknav_trainer.report.video import Played, to_png, write_video
@@ -24,6 +25,7 @@ ROWS = (
     ("distance_to_goal", "distance to goal at the end, m"),
     ("steps", "steps of an episode"),
     ("think_rate", "share of steps spent thinking"),
+    ("think_loops", "share of steps in think–agree loops"),
 )
 
 
@@ -37,7 +39,7 @@ def write_report(folder: Path) -> Path:
     if not metrics:
         raise RunError(f"{folder}/metrics.jsonl is empty: nothing was trained")
     chosen = choose_episode(evaluations[-1][1])
-    figures = _draw_episode(folder, chosen)
+    figures = _draw(folder, chosen, evaluations[-1][1])
     page = _template().render(
         config=config,
         run=folder.name,
@@ -49,6 +51,7 @@ def write_report(folder: Path) -> Path:
         steps=int(metrics[-1]["steps"]),
         thoughts=metrics[-1],
         episode=chosen,
+        budget_curves=_budget_curves(folder),
         subgoals=[(step, subgoal) for step, subgoal in chosen.thoughts][:12],
         **figures,
     )
@@ -68,12 +71,13 @@ def choose_episode(records: Sequence[EpisodeRecord]) -> EpisodeRecord:
     return max(records, key=worth)
 
 
-def _draw_episode(folder: Path, record: EpisodeRecord) -> dict[str, str]:
-    """Map and video of an episode, as data URIs."""
+def _draw(folder: Path, record: EpisodeRecord, records: Sequence[EpisodeRecord]) -> dict[str, Any]:
+    """Map and video of an episode as data URIs; of all episodes in its home, where and when they asked."""
     config = read_config(folder)
     scene = next(scene for scene in make_homes(config).scenes if scene.name == record.scene)
     renderer = make_renderer()
-    floor_map = draw_floor_map(scene, renderer, make_grid(scene, renderer, config.env), config.env.agent_radius)
+    grid = make_grid(scene, renderer, config.env)
+    floor_map = draw_floor_map(scene, renderer, grid, config.env.agent_radius)
     thoughts = dict(record.thoughts)
     picture = to_png(draw_path(floor_map, scene, record.category, record.path, list(thoughts)))
     (folder / "map.png").write_bytes(picture)
@@ -81,10 +85,22 @@ def _draw_episode(folder: Path, record: EpisodeRecord) -> dict[str, str]:
     video.parent.mkdir(exist_ok=True)
     ending = "found it" if record.measures["success"] else "did not find it"
     write_video(video, Played(scene, record.category, record.path, thoughts, ending), renderer, floor_map)
+    here = [other for other in records if other.scene == record.scene]
+    asks = to_png(draw_asks(floor_map, here))
+    (folder / "asks.png").write_bytes(asks)
     return {
+        "asks_uri": "data:image/png;base64," + base64.b64encode(asks).decode(),
+        "situations": asking_situations(here, scene, grid),
+        "episodes_here": len(here),
         "map_uri": "data:image/png;base64," + base64.b64encode(picture).decode(),
         "video_uri": "data:video/mp4;base64," + base64.b64encode(video.read_bytes()).decode(),
     }
+
+
+def _budget_curves(folder: Path) -> str:
+    """The last figure of `thinknav budgets`; nothing without one."""
+    figures = sorted(folder.glob("budgets/*/curves.svg"))
+    return figures[-1].read_text() if figures else ""
 
 
 def _column(result: dict[str, Any]) -> dict[str, Any]:
