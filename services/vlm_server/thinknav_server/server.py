@@ -21,6 +21,7 @@ import typer
 import uvicorn
 from starlette.types import ASGIApp
 
+from thinknav_server.http_protocol import BoundedHttpProtocol
 from thinknav_server.tokens import Tokens
 
 logger = logging.getLogger(__name__)
@@ -102,6 +103,7 @@ def run(
     host = "127.0.0.1" if ip.is_unspecified else f"[{address}]" if ip.version == 6 else address
     config = uvicorn.Config(
         app,
+        http=BoundedHttpProtocol,
         log_config=None,
         access_log=False,
         timeout_keep_alive=KEEP_ALIVE_S,

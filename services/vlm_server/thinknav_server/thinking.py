@@ -1,6 +1,7 @@
 """What is done with a batch of requests: decode the frames, plan, embed the subgoals.
 
-It blocks and knows nothing of queues or processes; `hosts` says where it runs.
+It blocks and knows nothing of queues or processes; `hosts` says where it runs. A batch may be decoded while the one
+before it is planned.
 """
 
 import time
@@ -37,6 +38,14 @@ class Thought:
 
 
 @dataclass(frozen=True)
+class DecodedBatch:
+    """Requests with their frames as pixels, or the error in one of them, and the seconds that this took for all."""
+
+    items: Sequence[PlanItem | PlannerError]
+    seconds: float
+
+
+@dataclass(frozen=True)
 class Thinker:
     """A planner and the text encoder that embeds what it says."""
 
@@ -45,8 +54,12 @@ class Thinker:
 
     def think(self, requests: Sequence[SubgoalRequest]) -> list[Thought | PlannerError]:
         """An answer for each request; one whose frame is no image, or that the planner chokes on, fails alone."""
-        began = time.perf_counter()
-        items = [decoded(request) for request in requests]
+        return self.think_decoded(decoded_batch(requests))
+
+    def think_decoded(self, batch: DecodedBatch) -> list[Thought | PlannerError]:
+        """The same."""
+        items = batch.items
+        began = time.perf_counter() - batch.seconds
         plans = iter(plan_each(self.planner, [item for item in items if isinstance(item, PlanItem)]))
         answers = [next(plans) if isinstance(item, PlanItem) else item for item in items]
         planned = time.perf_counter()
@@ -59,6 +72,13 @@ class Thinker:
             else answer
             for answer in answers
         ]
+
+
+def decoded_batch(requests: Sequence[SubgoalRequest | PlannerError]) -> DecodedBatch:
+    """Requests, those that are errors already as they are."""
+    began = time.perf_counter()
+    items = [request if isinstance(request, PlannerError) else decoded(request) for request in requests]
+    return DecodedBatch(items, time.perf_counter() - began)
 
 
 def decoded(request: SubgoalRequest) -> PlanItem | PlannerError:

@@ -1,7 +1,7 @@
 """The planner's process: `python -m thinknav_server.hosts.child FD`, started by `process`.
 
 It loads the planner, then answers batches one after another until the other end of its socket closes: with the
-service that started it, it ends too, whatever the planner is doing.
+service that started it, it ends too, whatever the planner is doing. While it plans one batch, it decodes the next.
 """
 
 import json
@@ -15,16 +15,17 @@ import threading
 
 import numpy as np
 
-from thinknav_proto import PlannerError, SubgoalRequest, decode_requests
+from thinknav_proto import decode_requests
 from thinknav_server.hosts.base import Identity
 from thinknav_server.hosts.wire import HEADER, Kind, message, pack_identity, pack_thoughts, unpack_texts
 from thinknav_server.logs import LogFormat, LogLevel, configure_logs
 from thinknav_server.planners.options import PlannerOptions, load_thinker
-from thinknav_server.thinking import Thinker, Thought
+from thinknav_server.thinking import DecodedBatch, Thinker, decoded_batch
 
 logger = logging.getLogger(__name__)
 
-Call = tuple[int, Kind, bytes]
+Batches = queue.SimpleQueue[tuple[int, bytes]]
+DecodedBatches = queue.SimpleQueue[tuple[int, DecodedBatch]]
 
 
 def main() -> None:
@@ -36,9 +37,11 @@ def main() -> None:
     call, _, body = channel.receive()
     boot = json.loads(body)
     configure_logs(LogLevel(boot["log_level"]), LogFormat(boot["log_format"]))
-    batches: queue.SimpleQueue[Call] = queue.SimpleQueue()
+    batches: Batches = queue.SimpleQueue()
+    decoded: DecodedBatches = queue.SimpleQueue()
     encoders: queue.SimpleQueue[Thinker] = queue.SimpleQueue()
     threading.Thread(target=_listen, args=(channel, batches, encoders), name="listen", daemon=True).start()
+    threading.Thread(target=_decode, args=(channel, batches, decoded), name="decode", daemon=True).start()
     try:
         thinker = load_thinker(PlannerOptions.model_validate(boot["options"]))
     except ValueError as error:
@@ -53,9 +56,9 @@ def main() -> None:
     identity = Identity(thinker.planner.identity, encoder.space, encoder.dimension)
     channel.send(call, Kind.LOADED, pack_identity(identity))
     while True:
-        call, _, body = batches.get()
+        call, batch = decoded.get()
         try:
-            answer = pack_thoughts(_think(thinker, body))
+            answer = pack_thoughts(thinker.think_decoded(batch))
         except Exception as error:
             logger.exception("a batch failed")
             channel.send(call, Kind.FAILED, _in_short(error))
@@ -67,21 +70,26 @@ def _in_short(error: Exception) -> bytes:
     return f"{type(error).__name__}: {str(error)[:200]}".encode()
 
 
-def _think(thinker: Thinker, body: bytes) -> list[Thought | PlannerError]:
-    requests = decode_requests(body)
-    asked = [request for request in requests if isinstance(request, SubgoalRequest)]
-    answers = iter(thinker.think(asked))
-    return [next(answers) if isinstance(request, SubgoalRequest) else request for request in requests]
+def _decode(channel: "_Channel", batches: Batches, decoded: DecodedBatches) -> None:
+    while True:
+        call, body = batches.get()
+        try:
+            batch = decoded_batch(decode_requests(body))
+        except Exception as error:
+            logger.exception("a batch could not be decoded")
+            channel.send(call, Kind.FAILED, _in_short(error))
+        else:
+            decoded.put((call, batch))
 
 
-def _listen(channel: "_Channel", batches: "queue.SimpleQueue[Call]", encoders: "queue.SimpleQueue[Thinker]") -> None:
+def _listen(channel: "_Channel", batches: Batches, encoders: "queue.SimpleQueue[Thinker]") -> None:
     """Passes batches on, and embeds texts itself so that they need not wait behind a batch."""
     try:
         thinker: Thinker | None = None
         while True:
             call, kind, body = channel.receive()
             if kind is Kind.THINK:
-                batches.put((call, kind, body))
+                batches.put((call, body))
                 continue
             thinker = thinker or encoders.get()
             try:
@@ -102,7 +110,7 @@ class _Channel:
         self._socket = connection
         self._sending = threading.Lock()
 
-    def receive(self) -> Call:
+    def receive(self) -> tuple[int, Kind, bytes]:
         length, call, kind = HEADER.unpack(self._read(HEADER.size))
         return call, Kind(kind), bytes(self._read(length))
 

@@ -36,6 +36,7 @@ class PlannerInLoop:
     """concurrency: calls to the planner at once."""
 
     batch_limit = 1
+    ahead = 0
     restarts = 0
 
     def __init__(self, planner: AsyncPlanner, text_encoder: TextEncoder, concurrency: int) -> None:
