@@ -161,10 +161,12 @@ class Batcher(Generic[Item, Result]):
         if not self._open:
             raise Unavailable("the service is not running")
         waiting = self.waiting
+        # With less than a batch ahead it is admitted in any case, or one slow batch would shut the door for good.
+        if waiting < min(self._max_batch, self._queue_size):
+            return
         full_batches = (waiting - len(self._queue) + self._queue.ahead_of(client)) // self._max_batch
         expected = self._seconds_until_free() + full_batches * self._batch_seconds / self._slots
         retry_after = max(expected, _SHORTEST_RETRY_S)
-        # With less than a batch ahead it is admitted in any case, or one slow batch would shut the door for good.
         if full_batches and expected + self._batch_seconds > deadline:
             raise Overloaded(f"the queue needs {expected:.1f} s, the deadline is {deadline:g} s", retry_after)
         if waiting >= self._queue_size:

@@ -37,7 +37,7 @@ from thinknav_proto import (
     decode_requests,
     describe,
 )
-from thinknav_server.authentication import Authentication
+from thinknav_server.authentication import Authentication, address
 from thinknav_server.caller import Caller, Trace
 from thinknav_server.disconnect import ClientGone, while_connected
 from thinknav_server.forms import read_form
@@ -182,9 +182,8 @@ async def metrics(request: Request) -> Response:
 
 def _caller(request: Request) -> Caller:
     """Clients are told apart by the name under which they were let in, else by their address."""
-    address = request.client.host if request.client else "local"
     trace = Trace.read(request.headers.get("traceparent"), request.headers.get("tracestate"))
-    return Caller(getattr(request.state, "client", None) or address, "http", trace)
+    return Caller(request.scope["state"]["client"] or address(request.scope), "http", trace)
 
 
 async def _on_planner_error(request: Request, error: Exception) -> Response:

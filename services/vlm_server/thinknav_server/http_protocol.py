@@ -1,4 +1,4 @@
-"""HTTP/1.1 as uvicorn speaks it with httptools, which is several times faster than h11, with the one limit that it lacks.
+"""HTTP/1.1 as uvicorn speaks it with httptools, far faster than with h11, and the one limit that httptools lacks.
 
 Knows nothing of what is served.
 """

@@ -5,6 +5,7 @@ Knows the encodings of the contract and nothing of requests, limits or planners.
 
 import io
 import struct
+from collections.abc import Sequence
 
 import numpy as np
 import simplejpeg
@@ -48,15 +49,51 @@ def frame_size(frame: Frame) -> tuple[int, int]:
     return width, height
 
 
-def decode_frame(frame: Frame) -> NDArray[np.uint8]:
-    """The pixels (H, W, 3) uint8; check the size first. Raises InvalidRequest for data it cannot decode."""
+def decode_frames(frames: Sequence[Frame]) -> list[NDArray[np.uint8] | InvalidRequest]:
+    """The pixels (H, W, 3) uint8 of each, or what is wrong with it; check the sizes first.
+
+    JPEGs of the first one's size lie in one block of memory: the system gives out one large block faster than many of
+    some pages each, which cost a quarter of the decoding.
+    """
+    sizes = [_size_of_jpeg(frame) for frame in frames]
+    common = next((size for size in sizes if size), None)
+    block = iter(np.empty((sizes.count(common), *common, 3), np.uint8) if common else ())
+    return [
+        _decoded(frame, next(block) if size and size == common else None)
+        for frame, size in zip(frames, sizes, strict=True)
+    ]
+
+
+def _size_of_jpeg(frame: Frame) -> tuple[int, int] | None:
+    """Height and width; None for what is no JPEG."""
+    if frame.encoding != "jpeg":
+        return None
+    try:
+        height, width, _, _ = simplejpeg.decode_jpeg_header(frame.data)
+    except ValueError:
+        return None
+    return height, width
+
+
+def _decoded(frame: Frame, place: NDArray[np.uint8] | None) -> NDArray[np.uint8] | InvalidRequest:
+    try:
+        return decode_frame(frame, place)
+    except InvalidRequest as error:
+        return error
+
+
+def decode_frame(frame: Frame, place: NDArray[np.uint8] | None = None) -> NDArray[np.uint8]:
+    """The pixels (H, W, 3) uint8; check the size first. Raises InvalidRequest for data it cannot decode.
+
+    place: where those of a JPEG are to lie, an array of their shape.
+    """
     if frame.encoding == "raw":
         width, height = frame_size(frame)
         return np.frombuffer(frame.data, dtype=np.uint8).reshape(height, width, 3)
     if frame.encoding == "png":
         return _decode_png(frame)
     try:
-        pixels: NDArray[np.uint8] = simplejpeg.decode_jpeg(frame.data, colorspace="RGB")
+        pixels: NDArray[np.uint8] = simplejpeg.decode_jpeg(frame.data, colorspace="RGB", buffer=place)
     except ValueError as error:
         raise InvalidRequest(f"the JPEG frame cannot be decoded: {error}") from None
     return pixels

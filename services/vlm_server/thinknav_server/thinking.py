@@ -7,14 +7,15 @@ before it is planned.
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thinknav_models import TextEncoder
-from thinknav_proto import PlannerError, SubgoalRequest
+from thinknav_proto import InvalidRequest, PlannerError, SubgoalRequest
 from thinknav_server.caller import Trace
-from thinknav_server.images import decode_frame
+from thinknav_server.images import decode_frames
 from thinknav_server.planners.base import Plan, PlanItem, Planner, View
 from thinknav_server.planners.isolate import plan_each
 
@@ -77,19 +78,20 @@ class Thinker:
 def decoded_batch(requests: Sequence[SubgoalRequest | PlannerError]) -> DecodedBatch:
     """Requests, those that are errors already as they are."""
     began = time.perf_counter()
-    items = [request if isinstance(request, PlannerError) else decoded(request) for request in requests]
+    asked = [request for request in requests if isinstance(request, SubgoalRequest)]
+    pixels = iter(decode_frames([frame for request in asked for frame in request.frames]))
+    items = [
+        _item(request, list(islice(pixels, len(request.frames)))) if isinstance(request, SubgoalRequest) else request
+        for request in requests
+    ]
     return DecodedBatch(items, time.perf_counter() - began)
 
 
-def decoded(request: SubgoalRequest) -> PlanItem | PlannerError:
-    """The request with its frames as pixels, or the error in one of them."""
-    try:
-        return PlanItem(
-            frame=decode_frame(request.frame),
-            goal=request.goal,
-            mode=request.mode,
-            recent=tuple(View(decode_frame(frame), frame.heading) for frame in request.recent),
-            temperature=request.temperature,
-        )
-    except PlannerError as error:
-        return error
+def _item(request: SubgoalRequest, pixels: Sequence[NDArray[np.uint8] | InvalidRequest]) -> PlanItem | InvalidRequest:
+    views = []
+    for frame, image in zip(request.frames, pixels, strict=True):
+        if isinstance(image, InvalidRequest):
+            return image
+        views.append(View(image, frame.heading))
+    *recent, now = views
+    return PlanItem(now.frame, request.goal, request.mode, tuple(recent), request.temperature)

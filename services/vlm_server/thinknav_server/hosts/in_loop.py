@@ -12,7 +12,7 @@ from thinknav_proto import PlannerError, PlannerFailed
 from thinknav_server.caller import Trace
 from thinknav_server.hosts.base import Identity
 from thinknav_server.planners.base import Plan, PlanItem, PlannerIdentity
-from thinknav_server.thinking import Question, Thought, decoded
+from thinknav_server.thinking import Question, Thought, decoded_batch
 
 
 class AsyncPlanner(Protocol):
@@ -65,7 +65,7 @@ class PlannerInLoop:
     async def _think(self, question: Question) -> Thought | PlannerError:
         loop = asyncio.get_running_loop()
         began = loop.time()
-        item = decoded(question.request)
+        (item,) = decoded_batch([question.request]).items
         if isinstance(item, PlannerError):
             return item
         try:
