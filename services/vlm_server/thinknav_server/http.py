@@ -94,7 +94,7 @@ def create_app(
 
     app = Starlette(
         routes=[
-            *(Route(route.path, route.endpoint, methods=list(route.methods)) for route in documented),
+            *(Route(route.path, route.endpoint, methods=list(route.methods or ())) for route in documented),
             Route("/openapi.json", openapi),
         ],
         middleware=[
