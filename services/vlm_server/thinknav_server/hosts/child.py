@@ -4,6 +4,8 @@ It loads the planner, then answers batches one after another until the other end
 service that started it, it ends too, whatever the planner is doing. While it plans one batch, it decodes the next.
 """
 
+import contextlib
+import functools
 import json
 import logging
 import os
@@ -24,8 +26,7 @@ from thinknav_server.thinking import DecodedBatch, Thinker, decoded_batch
 
 logger = logging.getLogger(__name__)
 
-Batches = queue.SimpleQueue[tuple[int, bytes]]
-DecodedBatches = queue.SimpleQueue[tuple[int, DecodedBatch]]
+Batches = queue.SimpleQueue["_Batch"]
 
 
 def main() -> None:
@@ -38,10 +39,9 @@ def main() -> None:
     boot = json.loads(body)
     configure_logs(LogLevel(boot["log_level"]), LogFormat(boot["log_format"]))
     batches: Batches = queue.SimpleQueue()
-    decoded: DecodedBatches = queue.SimpleQueue()
     encoders: queue.SimpleQueue[Thinker] = queue.SimpleQueue()
-    threading.Thread(target=_listen, args=(channel, batches, encoders), name="listen", daemon=True).start()
-    threading.Thread(target=_decode, args=(channel, batches, decoded), name="decode", daemon=True).start()
+    busy = threading.Event()
+    threading.Thread(target=_listen, args=(channel, batches, encoders, busy), name="listen", daemon=True).start()
     try:
         thinker = load_thinker(PlannerOptions.model_validate(boot["options"]))
     except ValueError as error:
@@ -56,40 +56,55 @@ def main() -> None:
     identity = Identity(thinker.planner.identity, encoder.space, encoder.dimension)
     channel.send(call, Kind.LOADED, pack_identity(identity))
     while True:
-        call, batch = decoded.get()
+        batch = batches.get()
+        busy.set()
         try:
-            answer = pack_thoughts(thinker.think_decoded(batch))
+            answer = pack_thoughts(thinker.think_decoded(batch.decoded()))
         except Exception as error:
             logger.exception("a batch failed")
-            channel.send(call, Kind.FAILED, _in_short(error))
+            channel.send(batch.call, Kind.FAILED, _in_short(error))
         else:
-            channel.send(call, Kind.THINK, answer)
+            channel.send(batch.call, Kind.THINK, answer)
+        busy.clear()
 
 
 def _in_short(error: Exception) -> bytes:
     return f"{type(error).__name__}: {str(error)[:200]}".encode()
 
 
-def _decode(channel: "_Channel", batches: Batches, decoded: DecodedBatches) -> None:
-    while True:
-        call, body = batches.get()
-        try:
-            batch = decoded_batch(decode_requests(body))
-        except Exception as error:
-            logger.exception("a batch could not be decoded")
-            channel.send(call, Kind.FAILED, _in_short(error))
-        else:
-            decoded.put((call, batch))
+class _Batch:
+    """A batch as it came."""
+
+    def __init__(self, call: int, body: bytes) -> None:
+        self.call = call
+        self._body = body
+        self._decoding = threading.Lock()
+
+    def decoded(self) -> DecodedBatch:
+        """By whoever asks first; another waits for him."""
+        with self._decoding:
+            return self._decoded
+
+    @functools.cached_property
+    def _decoded(self) -> DecodedBatch:
+        return decoded_batch(decode_requests(self._body))
 
 
-def _listen(channel: "_Channel", batches: Batches, encoders: "queue.SimpleQueue[Thinker]") -> None:
+def _listen(
+    channel: "_Channel", batches: Batches, encoders: "queue.SimpleQueue[Thinker]", busy: threading.Event
+) -> None:
     """Passes batches on, and embeds texts itself so that they need not wait behind a batch."""
+    ahead: Batches = queue.SimpleQueue()
+    threading.Thread(target=_decode_ahead, args=(ahead,), name="decode", daemon=True).start()
     try:
         thinker: Thinker | None = None
         while True:
             call, kind, body = channel.receive()
             if kind is Kind.THINK:
-                batches.put((call, body))
+                batch = _Batch(call, body)
+                batches.put(batch)
+                if busy.is_set():
+                    ahead.put(batch)
                 continue
             thinker = thinker or encoders.get()
             try:
@@ -101,6 +116,13 @@ def _listen(channel: "_Channel", batches: Batches, encoders: "queue.SimpleQueue[
                 channel.send(call, Kind.EMBED, embeddings.tobytes())
     except OSError:
         os._exit(0)  # the service is gone; the main thread may be busy for ever
+
+
+def _decode_ahead(batches: Batches) -> None:
+    while True:
+        batch = batches.get()
+        with contextlib.suppress(Exception):  # it comes again where the batch is planned, and is told there
+            batch.decoded()
 
 
 class _Channel:
