@@ -5,8 +5,10 @@ import json
 import os
 import subprocess
 import threading
+import time
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 
 import pytest
 
@@ -21,6 +23,7 @@ from thinknav_server.bench.processor import processor_seconds
 from thinknav_server.bench.servers import (
     check_each_was_planned,
     free_port,
+    frozen,
     jpegs,
     litserve_requests,
     our_bodies,
@@ -137,6 +140,9 @@ def test_each_kind_of_request_is_answered_as_the_soak_expects() -> None:
         with pytest.raises(RuntimeError, match="not asked for all that was answered"):
             check_each_was_planned(url)  # one of these frames came twice
         assert processor_seconds(pid) > before > 0
+        with frozen(pid):
+            while Path(f"/proc/{pid}/stat").read_text().split()[2] != "T":  # it may be on its way out of a call
+                time.sleep(0.01)
         assert lone_loop(place, "r", our_bodies(frames[:2]), 0.2).latencies()
     assert {kind.name: answers[kind.name] in kind.statuses for kind in kinds} == dict.fromkeys(answers, True)
     assert answers["one that breaks the planner"] == 502

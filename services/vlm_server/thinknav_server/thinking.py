@@ -7,15 +7,14 @@ before it is planned.
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thinknav_models import TextEncoder
-from thinknav_proto import InvalidRequest, PlannerError, SubgoalRequest
+from thinknav_proto import PlannerError, SubgoalRequest
 from thinknav_server.caller import Trace
-from thinknav_server.images import decode_frames
+from thinknav_server.images import PixelMemory, decode_frame
 from thinknav_server.planners.base import Plan, PlanItem, Planner, View
 from thinknav_server.planners.isolate import plan_each
 
@@ -55,7 +54,7 @@ class Thinker:
 
     def think(self, requests: Sequence[SubgoalRequest]) -> list[Thought | PlannerError]:
         """An answer for each request; one whose frame is no image, or that the planner chokes on, fails alone."""
-        return self.think_decoded(decoded_batch(requests))
+        return self.think_decoded(decoded_batch(requests, PixelMemory()))
 
     def think_decoded(self, batch: DecodedBatch) -> list[Thought | PlannerError]:
         """The same."""
@@ -75,23 +74,21 @@ class Thinker:
         ]
 
 
-def decoded_batch(requests: Sequence[SubgoalRequest | PlannerError]) -> DecodedBatch:
-    """Requests, those that are errors already as they are."""
+def decoded_batch(requests: Sequence[SubgoalRequest | PlannerError], memory: PixelMemory) -> DecodedBatch:
+    """Requests, those that are errors already as they are. memory: for their pixels."""
     began = time.perf_counter()
-    asked = [request for request in requests if isinstance(request, SubgoalRequest)]
-    pixels = iter(decode_frames([frame for request in asked for frame in request.frames]))
-    items = [
-        _item(request, list(islice(pixels, len(request.frames)))) if isinstance(request, SubgoalRequest) else request
-        for request in requests
-    ]
+    items = [request if isinstance(request, PlannerError) else _decoded(request, memory) for request in requests]
     return DecodedBatch(items, time.perf_counter() - began)
 
 
-def _item(request: SubgoalRequest, pixels: Sequence[NDArray[np.uint8] | InvalidRequest]) -> PlanItem | InvalidRequest:
-    views = []
-    for frame, image in zip(request.frames, pixels, strict=True):
-        if isinstance(image, InvalidRequest):
-            return image
-        views.append(View(image, frame.heading))
-    *recent, now = views
-    return PlanItem(now.frame, request.goal, request.mode, tuple(recent), request.temperature)
+def _decoded(request: SubgoalRequest, memory: PixelMemory) -> PlanItem | PlannerError:
+    try:
+        return PlanItem(
+            frame=decode_frame(request.frame, memory),
+            goal=request.goal,
+            mode=request.mode,
+            recent=tuple(View(decode_frame(frame, memory), frame.heading) for frame in request.recent),
+            temperature=request.temperature,
+        )
+    except PlannerError as error:
+        return error

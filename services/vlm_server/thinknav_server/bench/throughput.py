@@ -24,6 +24,7 @@ from thinknav_server.bench.servers import (
     Setup,
     check_each_was_planned,
     free_port,
+    frozen,
     jpegs,
     litserve,
     litserve_requests,
@@ -33,6 +34,7 @@ from thinknav_server.bench.servers import (
 )
 from thinknav_server.bench.turns import in_turns, median
 from thinknav_server.bench.zenoh_load import lone_loop
+from thinknav_server.images import PixelMemory
 from thinknav_server.planners import PlanItem
 from thinknav_server.thinking import Thinker, decoded_batch
 
@@ -85,14 +87,16 @@ def throughput_figures(peer: Path, seconds: float) -> Iterator[Figure]:
     python = peer / "bin" / "python"
     with ExitStack() as running:
         url, pid = running.enter_context(our_service(QUICK))
-        servers = [Server(url, pid, our_requests(url, frames))]
+        ours = Server(url, pid, our_requests(url, frames))
+        asked = [partial(_ask, ours)]
         if python.exists():
-            their_url, their_pid = running.enter_context(litserve(python, QUICK))
-            servers.append(Server(their_url, their_pid, litserve_requests(their_url, frames)))
+            url, pid = running.enter_context(litserve(python, QUICK))
+            theirs = Server(url, pid, litserve_requests(url, frames))
+            asked = [partial(_ask_beside, theirs, ours), partial(_ask, theirs)]
         for clients in CLIENTS:
-            turns = in_turns([partial(_ask, server, clients) for server in servers], seconds)
+            turns = in_turns([partial(ask, clients) for ask in asked], seconds)
             yield from compared(clients, *zip(*turns, strict=True))
-        check_each_was_planned(url)
+        check_each_was_planned(ours.url)
     yield _beside_the_model(frames, seconds)
     yield from _alone(frames, seconds)
 
@@ -101,6 +105,12 @@ def _ask(server: Server, clients: int, seconds: float) -> Asked:
     server_before, generator_before = processor_seconds(server.pid), time.process_time()
     tally = closed_loop(server.url, server.requests, clients, seconds)
     return Asked(tally, processor_seconds(server.pid) - server_before, time.process_time() - generator_before)
+
+
+def _ask_beside(peer: Server, server: Server, clients: int, seconds: float) -> Asked:
+    """LitServe's workers take a seventh of a processor when nobody asks them anything; ours take none."""
+    with frozen(peer.pid):
+        return _ask(server, clients, seconds)
 
 
 def compared(clients: int, ours: Sequence[Asked], theirs: Sequence[Asked] | None = None) -> Iterator[Figure]:
@@ -125,7 +135,11 @@ def compared(clients: int, ours: Sequence[Asked], theirs: Sequence[Asked] | None
 def _beside_the_model(frames: list[bytes], seconds: float) -> Figure:
     """Two full batches are asked for at any time, so that one can be worked on while the other comes and goes."""
     planner = EmulatedPlanner(str(SLOW.base), str(SLOW.item))
-    items = [item for item in decoded_batch(_requests(frames, SLOW.max_batch)).items if isinstance(item, PlanItem)]
+    items = [
+        item
+        for item in decoded_batch(_requests(frames, SLOW.max_batch), PixelMemory()).items
+        if isinstance(item, PlanItem)
+    ]
     with our_service(SLOW) as (url, pid):
         server = Server(url, pid, our_requests(url, frames))
 

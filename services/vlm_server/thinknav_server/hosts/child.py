@@ -5,7 +5,6 @@ service that started it, it ends too, whatever the planner is doing. While it pl
 """
 
 import contextlib
-import functools
 import json
 import logging
 import os
@@ -20,6 +19,7 @@ import numpy as np
 from thinknav_proto import decode_requests
 from thinknav_server.hosts.base import Identity
 from thinknav_server.hosts.wire import HEADER, Kind, message, pack_identity, pack_thoughts, unpack_texts
+from thinknav_server.images import PixelMemory
 from thinknav_server.logs import LogFormat, LogLevel, configure_logs
 from thinknav_server.planners.options import PlannerOptions, load_thinker
 from thinknav_server.thinking import DecodedBatch, Thinker, decoded_batch
@@ -55,11 +55,12 @@ def main() -> None:
     encoder = thinker.text_encoder
     identity = Identity(thinker.planner.identity, encoder.space, encoder.dimension)
     channel.send(call, Kind.LOADED, pack_identity(identity))
+    memory = PixelMemory()
     while True:
         batch = batches.get()
         busy.set()
         try:
-            answer = pack_thoughts(thinker.think_decoded(batch.decoded()))
+            answer = pack_thoughts(thinker.think_decoded(batch.decode(memory)))
         except Exception as error:
             logger.exception("a batch failed")
             channel.send(batch.call, Kind.FAILED, _in_short(error))
@@ -78,16 +79,15 @@ class _Batch:
     def __init__(self, call: int, body: bytes) -> None:
         self.call = call
         self._body = body
+        self._decoded: list[DecodedBatch] = []
         self._decoding = threading.Lock()
 
-    def decoded(self) -> DecodedBatch:
-        """By whoever asks first; another waits for him."""
+    def decode(self, memory: PixelMemory) -> DecodedBatch:
+        """Done by whoever asks first, in his memory; another waits for him."""
         with self._decoding:
-            return self._decoded
-
-    @functools.cached_property
-    def _decoded(self) -> DecodedBatch:
-        return decoded_batch(decode_requests(self._body))
+            if not self._decoded:
+                self._decoded.append(decoded_batch(decode_requests(self._body), memory))
+            return self._decoded[0]
 
 
 def _listen(
@@ -119,10 +119,11 @@ def _listen(
 
 
 def _decode_ahead(batches: Batches) -> None:
+    memory = PixelMemory()
     while True:
         batch = batches.get()
         with contextlib.suppress(Exception):  # it comes again where the batch is planned, and is told there
-            batch.decoded()
+            batch.decode(memory)
 
 
 class _Channel:

@@ -11,6 +11,7 @@ from thinknav_models import TextEncoder
 from thinknav_proto import PlannerError, PlannerFailed
 from thinknav_server.caller import Trace
 from thinknav_server.hosts.base import Identity
+from thinknav_server.images import PixelMemory
 from thinknav_server.planners.base import Plan, PlanItem, PlannerIdentity
 from thinknav_server.thinking import Question, Thought, decoded_batch
 
@@ -44,6 +45,7 @@ class PlannerInLoop:
         self.identity = Identity(planner.identity, text_encoder.space, text_encoder.dimension)
         self._planner = planner
         self._text_encoder = text_encoder
+        self._memory = PixelMemory()
 
     @property
     def ready(self) -> bool:
@@ -65,7 +67,7 @@ class PlannerInLoop:
     async def _think(self, question: Question) -> Thought | PlannerError:
         loop = asyncio.get_running_loop()
         began = loop.time()
-        (item,) = decoded_batch([question.request]).items
+        (item,) = decoded_batch([question.request], self._memory).items
         if isinstance(item, PlannerError):
             return item
         try:
