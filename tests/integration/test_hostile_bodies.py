@@ -219,3 +219,25 @@ def test_all_bodies_together_have_a_limit(start_service: StartService) -> None:
         assert int(response.headers["retry-after"]) >= 1
     while post(url, body).status_code != 200:
         pass  # until it is noticed that the other client has hung up
+
+
+def test_headers_without_an_end_are_cut_short_and_take_no_memory(start_service: StartService) -> None:
+    url, process = start_service()
+    before = peak_memory(process)
+    address = urlsplit(url)
+    with socket.create_connection((address.hostname, address.port), timeout=10) as connection:
+        connection.sendall(b"POST /v1/subgoals HTTP/1.1\r\nHost: service\r\nX-Long: ")
+        with pytest.raises(OSError, match=r"reset|pipe"):
+            connection.sendall(128 * MEGABYTE * b"a")
+    assert peak_memory(process) - before < SLACK
+    assert httpx.get(f"{url}/healthz", trust_env=False).status_code == 200
+
+
+def test_headers_that_are_too_long_are_told_so(start_service: StartService) -> None:
+    url, _ = start_service()
+    with httpx.Client(trust_env=False, base_url=url) as client:
+        assert client.get("/healthz", headers={"X-Long": 60_000 * "a"}).status_code == 200
+        address = urlsplit(url)
+        with socket.create_connection((address.hostname, address.port), timeout=10) as connection:
+            connection.sendall(b"GET /healthz HTTP/1.1\r\nX-Long: " + 70_000 * b"a")
+            assert b" 431 " in connection.recv(100)

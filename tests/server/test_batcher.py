@@ -35,11 +35,12 @@ def batcher_of(
     max_wait: float = 0.0,
     queue_size: int = 8,
     slots: int = 1,
+    ahead: int = 0,
 ) -> Batcher[int, int]:
     async def in_a_thread(items: Sequence[int]) -> Sequence[int | PlannerError]:
         return await asyncio.to_thread(work, items)
 
-    return Batcher(in_a_thread, max_batch=max_batch, max_wait=max_wait, queue_size=queue_size, slots=slots)
+    return Batcher(in_a_thread, max_batch=max_batch, max_wait=max_wait, queue_size=queue_size, slots=slots, ahead=ahead)
 
 
 def run(test: Callable[[], Coroutine[Any, Any, None]]) -> None:
@@ -106,6 +107,89 @@ def test_a_lone_item_waits_for_others_as_long_as_it_may() -> None:
         async with batcher_of(work, max_batch=2, max_wait=0.01) as batcher:
             await submit(batcher, 3)
         assert work.batches == [[1, 2], [3]]
+
+    run(test)
+
+
+def test_nobody_waits_for_more_than_there_were_lately() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        work.gate.release(9)
+        async with batcher_of(work, max_batch=4, max_wait=20.0) as batcher:
+            await asyncio.gather(*(submit(batcher, item) for item in range(4)))
+            two = [submit(batcher, item) for item in (4, 5)]
+            await settle()
+            assert work.batches == [[0, 1, 2, 3]]  # four are expected
+            await asyncio.gather(*two, *(submit(batcher, item) for item in (6, 7)))
+        async with batcher_of(work, max_batch=4, max_wait=0.3) as batcher:
+            in_vain, alone = await submit(batcher, 8), await submit(batcher, 9)
+            assert in_vain.queued > 0.2 > alone.queued
+        assert work.batches[1:] == [[4, 5, 6, 7], [8], [9]]
+
+    run(test)
+
+
+def test_a_full_batch_is_given_away_ahead_and_still_counts_as_waiting() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work, max_batch=2, queue_size=4, ahead=1) as batcher:
+            first = [submit(batcher, item) for item in (1, 2)]
+            await work.wait_until_it_works()
+            half = submit(batcher, 3)
+            await settle()
+            assert work.batches == [[1, 2]]  # it may still grow
+            rest = [submit(batcher, item) for item in (4, 5, 6)]
+            await work.wait_until_it_works()
+            await settle()
+            assert work.batches == [[1, 2], [3, 4]]
+            assert batcher.waiting == 4
+            with pytest.raises(Overloaded, match="4 requests are waiting"):
+                await batcher.submit(7, 30)
+            work.gate.release(9)
+            answers = [await task for task in (*first, half, *rest)]
+        assert [answer.result for answer in answers] == [2, 4, 6, 8, 10, 12]
+        assert work.batches == [[1, 2], [3, 4], [5, 6]]
+
+    run(test)
+
+
+def test_what_is_given_away_ahead_waits_until_its_turn() -> None:
+    async def work(items: Sequence[int]) -> Sequence[int]:
+        async with turn:
+            await asyncio.sleep(0.2)
+            return items
+
+    turn = asyncio.Lock()
+    seconds: list[float] = []
+
+    async def test() -> None:
+        told = Batcher(
+            work, max_batch=1, max_wait=0.0, queue_size=4, ahead=1, on_batch=lambda _, took: seconds.append(took)
+        )
+        async with told:
+            first, second = await asyncio.gather(told.submit(1, 30), told.submit(2, 30))
+        assert first.queued < 0.15 <= second.queued
+
+    run(test)
+    assert len(seconds) == 2
+    assert all(0.15 <= took < 0.35 for took in seconds)
+
+
+def test_a_queue_of_one_batch_gives_nothing_away_ahead() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work, max_batch=2, queue_size=2, ahead=1) as batcher:
+            greedy = [submit(batcher, item, client="greedy") for item in (1, 2)]
+            await work.wait_until_it_works()
+            greedy += [submit(batcher, item, client="greedy") for item in (3, 4)]
+            await settle()
+            modest = submit(batcher, 5, client="modest")
+            await settle()
+            work.gate.release(9)
+            assert (await modest).result == 10
+            with pytest.raises(Overloaded):
+                await greedy.pop()
+            await asyncio.gather(*greedy)
 
     run(test)
 

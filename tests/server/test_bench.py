@@ -5,8 +5,10 @@ import json
 import os
 import subprocess
 import threading
+import time
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
 
 import pytest
 
@@ -17,8 +19,20 @@ from thinknav_server.bench.memory import resident_mb
 from thinknav_server.bench.mixed import Kind, kinds_of_requests
 from thinknav_server.bench.model import Emulated
 from thinknav_server.bench.planner import EmulatedPlanner
-from thinknav_server.bench.servers import free_port, jpegs, litserve_requests, our_bodies, our_requests, our_service
+from thinknav_server.bench.processor import processor_seconds
+from thinknav_server.bench.servers import (
+    check_each_was_planned,
+    free_port,
+    frozen,
+    jpegs,
+    litserve_requests,
+    our_bodies,
+    our_requests,
+    our_service,
+)
 from thinknav_server.bench.soak import SETUP, Soaked
+from thinknav_server.bench.throughput import Asked, compared
+from thinknav_server.bench.turns import in_turns
 from thinknav_server.bench.zenoh_load import lone_loop
 
 URL = "http://127.0.0.1:8765"
@@ -93,8 +107,9 @@ def test_a_figure_is_a_line_of_json_with_three_digits() -> None:
 
 
 def test_both_servers_are_sent_the_same_frames() -> None:
-    frames = jpegs()[:3]
-    assert len(set(frames)) == 3
+    frames = jpegs()
+    assert len(set(frames)) == len(frames)
+    frames = frames[:3]
     ours, theirs = our_requests(URL, frames), litserve_requests(URL, frames)
     (request,) = decode_requests(ours[1].partition(b"\r\n\r\n")[2])
     assert getattr(request, "frame").data == frames[1]  # noqa: B009
@@ -117,9 +132,17 @@ def test_each_kind_of_request_is_answered_as_the_soak_expects() -> None:
     place = f"127.0.0.1:{free_port()}"
     with our_service(SETUP, "--zenoh", place, "--replica", "r", quiet=True) as (url, pid):
         frames = jpegs()
+        before = processor_seconds(pid)
+        check_each_was_planned(url)
         kinds = [kind for kind in kinds_of_requests(url, frames[:80]) if kind.statuses]
         answers = {kind.name: asyncio.run(ask(url, kind)) for kind in kinds}
         assert resident_mb(pid) > 50
+        with pytest.raises(RuntimeError, match="not asked for all that was answered"):
+            check_each_was_planned(url)  # one of these frames came twice
+        assert processor_seconds(pid) > before > 0
+        with frozen(pid):
+            while Path(f"/proc/{pid}/stat").read_text().split()[2] != "T":  # it may be on its way out of a call
+                time.sleep(0.01)
         assert lone_loop(place, "r", our_bodies(frames[:2]), 0.2).latencies()
     assert {kind.name: answers[kind.name] in kind.statuses for kind in kinds} == dict.fromkeys(answers, True)
     assert answers["one that breaks the planner"] == 502
@@ -156,3 +179,36 @@ def test_a_soak_complains_of_what_is_wrong_and_of_nothing_else() -> None:
     assert values["service.soak.unasked_5xx"] == values["service.soak.unanswered"] == 1
     with pytest.raises(ValueError, match="soak for longer"):
         Soaked(megabytes=[1.0]).growth()
+
+
+def asked(rate: int, milliseconds: float, server: float, generator: float) -> Asked:
+    return Asked(Tally(rate * [(milliseconds / 1000, 200)], 1.0, sent=2 * rate), server, generator)
+
+
+def test_a_comparison_is_the_median_of_neighbours_and_can_go_either_way() -> None:
+    ours = [asked(200, 10, 0.4, 0.1), asked(20, 100, 0.4, 0.1), asked(100, 20, 0.4, 0.1)]
+    theirs = [asked(100, 20, 0.4, 0.1), asked(10, 200, 0.4, 0.1), asked(100, 20, 0.4, 0.1)]
+    rate, p99, processor, share = compared(64, ours, theirs)
+    assert (rate.figure, rate.value, rate.peer_value, rate.ratio) == ("service.c64.vs_litserve", 100, 100, 2.0)
+    assert p99.figure == "service.c64.p99"
+    assert [p99.value, p99.ratio] == pytest.approx([20, 2])
+    assert [processor.value, processor.ratio] == pytest.approx([2, 2])  # ms, of 200 requests in 0.4 s
+    assert share.value == pytest.approx(0.2)
+    worse = {figure.figure: figure.ratio for figure in compared(64, theirs, ours)}
+    assert worse["service.c64.vs_litserve"] == worse["service.c64.p99"] == pytest.approx(0.5)
+    assert worse["service.c64.processor"] == pytest.approx(0.5)
+    alone = list(compared(64, ours))
+    assert alone[0].ratio is None
+    assert "make bench-server-peers" in str(alone[0].peer)
+
+
+def test_turns_go_back_and_forth() -> None:
+    order: list[str] = []
+
+    def measure(name: str, seconds: float) -> float:
+        order.append(name)
+        return seconds
+
+    turns = in_turns([lambda seconds: measure("a", seconds), lambda seconds: measure("b", -seconds)], 10.0)
+    assert turns == 5 * [(2.0, -2.0)]
+    assert "".join(order) == "abbaabbaab"

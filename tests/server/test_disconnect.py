@@ -44,6 +44,7 @@ def test_results_and_errors_pass_through() -> None:
 
         with pytest.raises(KeyError, match="broken"):
             await while_connected(request, broken())
+        await asyncio.sleep(0)
         assert len(asyncio.all_tasks()) == 1
 
     asyncio.run(test())

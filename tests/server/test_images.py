@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from thinknav_proto import Frame, InvalidRequest
-from thinknav_server.images import decode_frame, frame_of_file, frame_size
+from thinknav_server.images import PixelMemory, decode_frame, frame_of_file, frame_size
 
 
 def picture(height: int = 24, width: int = 32) -> NDArray[np.uint8]:
@@ -58,6 +58,17 @@ def test_grey_and_transparent_files_become_rgb() -> None:
     assert decode_frame(frame_of_file(png(np.dstack([picture(), grey])))).shape == (24, 32, 3)
     grey_jpeg = simplejpeg.encode_jpeg(grey[:, :, None], colorspace="GRAY", colorsubsampling="Gray")
     assert decode_frame(frame_of_file(grey_jpeg)).shape == (24, 32, 3)
+
+
+def test_frames_in_one_memory_are_what_each_is_alone() -> None:
+    memory = PixelMemory()
+    images = [picture(), picture(40, 16), picture()[::-1].copy(), picture(1200, 1600), picture(1500, 1600), picture()]
+    frames = [frame_of_file(jpeg(image)) for image in images]
+    decoded = [decode_frame(frame, memory) for frame in frames]
+    for pixels, frame in zip(decoded, frames, strict=True):
+        np.testing.assert_array_equal(pixels, decode_frame(frame))
+    with pytest.raises(InvalidRequest, match="cannot be decoded"):
+        decode_frame(Frame(encoding="jpeg", data=b"none"), memory)
 
 
 def test_sizes_are_read_from_a_header_that_promises_what_it_does_not_hold() -> None:

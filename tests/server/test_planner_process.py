@@ -17,6 +17,7 @@ from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import Frame, InvalidRequest, PlannerFailed, SubgoalRequest, Unavailable
 from thinknav_server.hosts import PlannerProcess
 from thinknav_server.hosts.process import ProcessSettings
+from thinknav_server.hosts.wire import Kind
 from thinknav_server.planners.options import PlannerOptions
 from thinknav_server.thinking import Question, Thought
 
@@ -111,6 +112,38 @@ def test_one_that_dies_or_hangs_is_started_again(goal: str, reason: str) -> None
         assert process.restarts == 1
 
     run(process_of(limit=0.3 if goal == "hang" else 30.0), test)
+
+
+def test_a_batch_that_lay_ready_is_not_blamed_for_the_one_before() -> None:
+    async def test(process: PlannerProcess) -> None:
+        guilty, innocent = (asyncio.create_task(say(process, goal)) for goal in ("hang", "chair"))
+        with pytest.raises(PlannerFailed, match="longer than its limit"):
+            await guilty
+        with pytest.raises(Unavailable, match="started again"):
+            await innocent
+        await until_ready(process)
+
+    run(process_of(limit=0.3), test)
+
+
+def test_a_batch_that_waits_for_another_has_its_whole_time() -> None:
+    async def test(process: PlannerProcess) -> None:
+        goals = ("sleep 0.4", "sleep 0.40", "sleep 0.400")
+        assert len(await asyncio.gather(*(say(process, goal) for goal in goals))) == 3
+        assert process.restarts == 0
+
+    run(process_of(limit=1.0), test)
+
+
+def test_a_batch_whose_decoding_breaks_fails_and_the_next_does_not() -> None:
+    async def test(process: PlannerProcess) -> None:
+        with process._ask(Kind.THINK, b"no requests") as broken:
+            good = asyncio.create_task(say(process, "bed"))
+            with pytest.raises(PlannerFailed, match="InvalidRequest"):
+                await process._answer(broken)
+        assert await good == [f"bed says {process.pid}"]
+
+    run(process_of(), test)
 
 
 def test_one_that_dies_idle_is_noticed() -> None:

@@ -14,7 +14,7 @@ PUBLIC_PATHS = ("/healthz", "/readyz")
 
 
 class Authentication:
-    """Names the client in `request.state.client`: by its token, or by its address where there are no tokens."""
+    """Names the client in the scope's state, as `client`: by its token, or by its address where there are no tokens."""
 
     def __init__(self, app: ASGIApp, tokens: Tokens) -> None:
         self._app = app
@@ -22,20 +22,20 @@ class Authentication:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         if scope["type"] == "http":
-            request = Request(scope)
-            name = self._client(request)
-            if name is None and request.url.path not in PUBLIC_PATHS:
+            name = self._client(scope)
+            if name is None and scope["path"] not in PUBLIC_PATHS:
+                request = Request(scope)
                 response = render_error(request, Unauthenticated(self._reason(request)))
                 response.headers["WWW-Authenticate"] = 'Bearer realm="thinknav"'
                 await response(scope, receive, send)
                 return
-            request.state.client = name
+            scope.setdefault("state", {})["client"] = name
         await self._app(scope, receive, send)
 
-    def _client(self, request: Request) -> str | None:
+    def _client(self, scope: Scope) -> str | None:
         if not self._tokens:
-            return request.client.host if request.client else "local"
-        scheme, _, token = request.headers.get("authorization", "").partition(" ")
+            return address(scope)
+        scheme, _, token = Request(scope).headers.get("authorization", "").partition(" ")
         return self._tokens.client(token.strip()) if scheme.lower() == "bearer" else None
 
     @staticmethod
@@ -43,3 +43,8 @@ class Authentication:
         if "authorization" not in request.headers:
             return "this service asks for a token; send it as the header Authorization: Bearer <token>"
         return "this service does not know the token"
+
+
+def address(scope: Scope) -> str:
+    """The host that a request comes from."""
+    return scope["client"][0] if scope.get("client") else "local"

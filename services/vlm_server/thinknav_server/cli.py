@@ -50,7 +50,7 @@ def serve(
     limits: Limits,
     _config: SettingsFile = None,
     max_batch: Annotated[int, typer.Option(min=1, help="Requests that the planner sees at once.")] = 32,
-    max_wait: Annotated[float, typer.Option(min=0, help="Seconds that a request waits for others.")] = 0.0,
+    max_wait: Annotated[float, typer.Option(min=0, help="Seconds that a request waits for others at most.")] = 0.0,
     queue_size: Annotated[int, typer.Option(min=1, help="Requests that wait at most; more are refused.")] = 256,
     cache_size: Annotated[int, typer.Option(min=0, help="Answers that are remembered.")] = 10_000,
     show_frames: Annotated[

@@ -8,7 +8,7 @@ import ssl
 from contextlib import AbstractAsyncContextManager
 from dataclasses import dataclass
 
-from fastapi import FastAPI
+from starlette.applications import Starlette
 
 from thinknav_server.http import create_app
 from thinknav_server.intake import Intake
@@ -22,7 +22,7 @@ from thinknav_server.tokens import Tokens, load_tokens
 class Doors:
     """The application, the socket that it is to be served on, and TLS for it, if wanted."""
 
-    app: FastAPI
+    app: Starlette
     listener: socket.socket
     tls: ssl.SSLContext | None
 

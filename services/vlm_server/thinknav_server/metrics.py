@@ -45,7 +45,7 @@ class Metrics:
         self._gauges = {
             name: Gauge(f"thinknav_{name}", text, registry=registry)
             for name, text in (
-                ("queue_length", "Requests that wait for a batch."),
+                ("queue_length", "Requests that nobody works on yet."),
                 ("in_flight", "Requests that were admitted and are not answered yet."),
                 ("cache_entries", "Answers in the cache."),
                 ("ready", "1 while requests are answered, else 0."),

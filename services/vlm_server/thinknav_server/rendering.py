@@ -30,8 +30,8 @@ def media_type(request: Request) -> str:
 
 def wants_binary(request: Request) -> bool:
     """Whether the client accepts msgpack by name or, naming nothing, has sent it."""
-    accept = request.headers.get("accept", "*/*").lower()
-    if any(kind in accept for kind in BINARY_TYPES):
+    accept = request.headers.get("accept", "").lower()
+    if accept and any(kind in accept for kind in BINARY_TYPES):
         return True
     return "json" not in accept and media_type(request) in BINARY_TYPES
 

@@ -63,6 +63,7 @@ class PlanningService:
             max_wait=settings.max_wait,
             queue_size=settings.queue_size,
             slots=host.slots,
+            ahead=host.ahead,
             on_batch=self._on_batch,
         )
         self._in_flight = 0

@@ -22,8 +22,8 @@ class Settings(BaseModel):
     One section of the settings; the doors' is `DoorSettings`.
 
     max_batch: requests that the planner sees at once.
-    max_wait: seconds that a request may wait for others to fill its batch. 0 adds nothing to a lone request;
-        batches still form from what arrives while the planner is busy.
+    max_wait: seconds that a request may wait for others to fill its batch, unless as many have come as there were
+        lately: a client that is alone does not wait. Batches also form from what arrives while the planner is busy.
     queue_size: requests that wait at most; more are refused at once. A request that is admitted waits for at most
         queue_size / max_batch + 1 batches.
     cache_size: answers that are remembered, for requests of temperature 0; 0 remembers none.

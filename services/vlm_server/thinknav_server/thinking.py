@@ -1,6 +1,7 @@
 """What is done with a batch of requests: decode the frames, plan, embed the subgoals.
 
-It blocks and knows nothing of queues or processes; `hosts` says where it runs.
+It blocks and knows nothing of queues or processes; `hosts` says where it runs. A batch may be decoded while the one
+before it is planned.
 """
 
 import time
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from thinknav_models import TextEncoder
 from thinknav_proto import PlannerError, SubgoalRequest
 from thinknav_server.caller import Trace
-from thinknav_server.images import decode_frame
+from thinknav_server.images import PixelMemory, decode_frame
 from thinknav_server.planners.base import Plan, PlanItem, Planner, View
 from thinknav_server.planners.isolate import plan_each
 
@@ -37,6 +38,14 @@ class Thought:
 
 
 @dataclass(frozen=True)
+class DecodedBatch:
+    """Requests with their frames as pixels, or the error in one of them, and the seconds that this took for all."""
+
+    items: Sequence[PlanItem | PlannerError]
+    seconds: float
+
+
+@dataclass(frozen=True)
 class Thinker:
     """A planner and the text encoder that embeds what it says."""
 
@@ -45,8 +54,12 @@ class Thinker:
 
     def think(self, requests: Sequence[SubgoalRequest]) -> list[Thought | PlannerError]:
         """An answer for each request; one whose frame is no image, or that the planner chokes on, fails alone."""
-        began = time.perf_counter()
-        items = [decoded(request) for request in requests]
+        return self.think_decoded(decoded_batch(requests, PixelMemory()))
+
+    def think_decoded(self, batch: DecodedBatch) -> list[Thought | PlannerError]:
+        """The same."""
+        items = batch.items
+        began = time.perf_counter() - batch.seconds
         plans = iter(plan_each(self.planner, [item for item in items if isinstance(item, PlanItem)]))
         answers = [next(plans) if isinstance(item, PlanItem) else item for item in items]
         planned = time.perf_counter()
@@ -61,14 +74,20 @@ class Thinker:
         ]
 
 
-def decoded(request: SubgoalRequest) -> PlanItem | PlannerError:
-    """The request with its frames as pixels, or the error in one of them."""
+def decoded_batch(requests: Sequence[SubgoalRequest | PlannerError], memory: PixelMemory) -> DecodedBatch:
+    """Requests, those that are errors already as they are. memory: for their pixels."""
+    began = time.perf_counter()
+    items = [request if isinstance(request, PlannerError) else _decoded(request, memory) for request in requests]
+    return DecodedBatch(items, time.perf_counter() - began)
+
+
+def _decoded(request: SubgoalRequest, memory: PixelMemory) -> PlanItem | PlannerError:
     try:
         return PlanItem(
-            frame=decode_frame(request.frame),
+            frame=decode_frame(request.frame, memory),
             goal=request.goal,
             mode=request.mode,
-            recent=tuple(View(decode_frame(frame), frame.heading) for frame in request.recent),
+            recent=tuple(View(decode_frame(frame, memory), frame.heading) for frame in request.recent),
             temperature=request.temperature,
         )
     except PlannerError as error:

@@ -20,7 +20,7 @@ def throughput(
     peers: Annotated[Path, typer.Option(help="Virtual environment with LitServe: make bench-server-peers.")] = Path(
         ".venv-serving"
     ),
-    seconds: Annotated[float, typer.Option(min=0.1, help="Of each measurement.")] = 10.0,
+    seconds: Annotated[float, typer.Option(min=0.1, help="Of each measurement, in five turns.")] = 10.0,
 ) -> None:
     """Subgoals a second beside LitServe's and the model's own, and what a lone request costs above the model."""
     _print(throughput_figures(peers, seconds))

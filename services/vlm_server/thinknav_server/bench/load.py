@@ -14,10 +14,14 @@ _FEWEST = 10
 
 @dataclass
 class Tally:
-    """(seconds, status) of each request, and the seconds that all took together."""
+    """(seconds, status) of each request, and the seconds that all took together.
+
+    sent: how many there were in all, those of the warm-up included.
+    """
 
     answers: list[tuple[float, int]] = field(default_factory=list)
     seconds: float = 0.0
+    sent: int = 0
 
     def latencies(self, status: int = 200) -> list[float]:
         """Seconds of the requests answered with a status."""
@@ -68,6 +72,7 @@ async def _closed_loop(url: str, requests: Sequence[bytes], clients: int, second
         connection = await Connection.open(url)
         while time.perf_counter() < until:
             answer = await connection.ask(next(turns))
+            tally.sent += 1
             if began <= time.perf_counter() < until:
                 tally.answers.append(answer)
         await connection.close()
@@ -85,6 +90,7 @@ async def _open_loop(url: str, requests: Sequence[bytes], rate: float, seconds: 
 
     async def ask() -> None:
         connection = idle.pop() if idle else await Connection.open(url)
+        tally.sent += 1
         tally.answers.append(await connection.ask(next(turns)))
         idle.append(connection)
 

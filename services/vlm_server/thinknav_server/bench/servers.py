@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
+from urllib.request import urlopen
 
 import numpy as np
 import simplejpeg
@@ -60,15 +61,25 @@ def our_service(setup: Setup, *options: str, quiet: bool = False) -> Iterator[tu
 
 
 @contextmanager
-def litserve(python: Path, setup: Setup) -> Iterator[str]:
-    """LitServe in its own virtual environment: its URL."""
+def litserve(python: Path, setup: Setup) -> Iterator[tuple[str, int]]:
+    """LitServe in its own virtual environment: its URL and the number of its process."""
     port = free_port()
     script = Path(__file__).with_name("litserve_peer.py")
     numbers = (port, setup.base, setup.item, setup.max_batch, setup.max_wait)
     with _running([str(python), str(script), *map(str, numbers)]) as process:
-        _wait(process, lambda: _listens(port))
-        time.sleep(2)  # its workers come up after its port does
-        yield f"http://127.0.0.1:{port}"
+        url = f"http://127.0.0.1:{port}"
+        _wait(process, lambda: _is_healthy(url))
+        yield url, process.pid
+
+
+@contextmanager
+def frozen(pid: int) -> Iterator[None]:
+    """A server, with the processes that it started, takes no processor time meanwhile."""
+    os.killpg(pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        os.killpg(pid, signal.SIGCONT)
 
 
 def free_port() -> int:
@@ -80,9 +91,9 @@ def free_port() -> int:
 
 
 def jpegs() -> list[bytes]:
-    """Pictures of 256 x 256 as a robot might send them, about 6 KB each, all different."""
+    """Pictures of 256 x 256, all different, 11 KB each: as many as views of our homes have on average."""
     random = np.random.default_rng(0)
-    coarse = random.integers(0, 256, (_FRAMES, 12, 12, 3), dtype=np.uint8)
+    coarse = random.integers(0, 256, (_FRAMES, 5, 5, 3), dtype=np.uint8)
     large = (np.asarray(Image.fromarray(image).resize((256, 256), Image.Resampling.BICUBIC)) for image in coarse)
     return [simplejpeg.encode_jpeg(np.ascontiguousarray(image), quality=90) for image in large]
 
@@ -105,6 +116,17 @@ def litserve_requests(url: str, frames: list[bytes]) -> list[bytes]:
     """One frame each, as LitServe's guide has it."""
     bodies = (json.dumps({"goal": "chair", "frame": base64.b64encode(data).decode()}).encode() for data in frames)
     return [http_request(url, "/predict", "application/json", body) for body in bodies]
+
+
+def check_each_was_planned(url: str) -> None:
+    """Raises RuntimeError when our service has answered any request without asking its planner."""
+    with urlopen(f"{url}/metrics", timeout=10.0) as answer:
+        page = answer.read().decode()
+    saved = [
+        line for line in page.splitlines() if line.startswith("thinknav_saved_total") and not line.endswith(" 0.0")
+    ]
+    if saved:
+        raise RuntimeError(f"the planner was not asked for all that was answered: {', '.join(saved)}")
 
 
 @contextmanager
@@ -137,6 +159,10 @@ def _wait(process: "subprocess.Popen[bytes]", ready: Callable[[], bool]) -> None
         time.sleep(0.05)
 
 
-def _listens(port: int) -> bool:
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
+def _is_healthy(url: str) -> bool:
+    """Whether LitServe's workers are up, which come after its port."""
+    try:
+        with urlopen(f"{url}/health", timeout=1.0) as answer:
+            return bool(answer.status == 200)
+    except OSError:
+        return False

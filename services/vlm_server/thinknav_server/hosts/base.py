@@ -37,6 +37,10 @@ class Host(Protocol):
         """Batches that it works on at once."""
 
     @property
+    def ahead(self) -> int:
+        """Full batches that it takes while all slots are busy, to prepare them."""
+
+    @property
     def batch_limit(self) -> int | None:
         """Requests that it takes at once, if it sets a limit of its own."""
 

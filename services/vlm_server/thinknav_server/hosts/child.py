@@ -1,9 +1,10 @@
 """The planner's process: `python -m thinknav_server.hosts.child FD`, started by `process`.
 
 It loads the planner, then answers batches one after another until the other end of its socket closes: with the
-service that started it, it ends too, whatever the planner is doing.
+service that started it, it ends too, whatever the planner is doing. While it plans one batch, it decodes the next.
 """
 
+import contextlib
 import json
 import logging
 import os
@@ -15,16 +16,17 @@ import threading
 
 import numpy as np
 
-from thinknav_proto import PlannerError, SubgoalRequest, decode_requests
+from thinknav_proto import decode_requests
 from thinknav_server.hosts.base import Identity
 from thinknav_server.hosts.wire import HEADER, Kind, message, pack_identity, pack_thoughts, unpack_texts
+from thinknav_server.images import PixelMemory
 from thinknav_server.logs import LogFormat, LogLevel, configure_logs
 from thinknav_server.planners.options import PlannerOptions, load_thinker
-from thinknav_server.thinking import Thinker, Thought
+from thinknav_server.thinking import DecodedBatch, Thinker, decoded_batch
 
 logger = logging.getLogger(__name__)
 
-Call = tuple[int, Kind, bytes]
+Batches = queue.SimpleQueue["_Batch"]
 
 
 def main() -> None:
@@ -36,9 +38,10 @@ def main() -> None:
     call, _, body = channel.receive()
     boot = json.loads(body)
     configure_logs(LogLevel(boot["log_level"]), LogFormat(boot["log_format"]))
-    batches: queue.SimpleQueue[Call] = queue.SimpleQueue()
+    batches: Batches = queue.SimpleQueue()
     encoders: queue.SimpleQueue[Thinker] = queue.SimpleQueue()
-    threading.Thread(target=_listen, args=(channel, batches, encoders), name="listen", daemon=True).start()
+    busy = threading.Event()
+    threading.Thread(target=_listen, args=(channel, batches, encoders, busy), name="listen", daemon=True).start()
     try:
         thinker = load_thinker(PlannerOptions.model_validate(boot["options"]))
     except ValueError as error:
@@ -52,36 +55,56 @@ def main() -> None:
     encoder = thinker.text_encoder
     identity = Identity(thinker.planner.identity, encoder.space, encoder.dimension)
     channel.send(call, Kind.LOADED, pack_identity(identity))
+    memory = PixelMemory()
     while True:
-        call, _, body = batches.get()
+        batch = batches.get()
+        busy.set()
         try:
-            answer = pack_thoughts(_think(thinker, body))
+            answer = pack_thoughts(thinker.think_decoded(batch.decode(memory)))
         except Exception as error:
             logger.exception("a batch failed")
-            channel.send(call, Kind.FAILED, _in_short(error))
+            channel.send(batch.call, Kind.FAILED, _in_short(error))
         else:
-            channel.send(call, Kind.THINK, answer)
+            channel.send(batch.call, Kind.THINK, answer)
+        busy.clear()
 
 
 def _in_short(error: Exception) -> bytes:
     return f"{type(error).__name__}: {str(error)[:200]}".encode()
 
 
-def _think(thinker: Thinker, body: bytes) -> list[Thought | PlannerError]:
-    requests = decode_requests(body)
-    asked = [request for request in requests if isinstance(request, SubgoalRequest)]
-    answers = iter(thinker.think(asked))
-    return [next(answers) if isinstance(request, SubgoalRequest) else request for request in requests]
+class _Batch:
+    """A batch as it came."""
+
+    def __init__(self, call: int, body: bytes) -> None:
+        self.call = call
+        self._body = body
+        self._decoded: list[DecodedBatch] = []
+        self._decoding = threading.Lock()
+
+    def decode(self, memory: PixelMemory) -> DecodedBatch:
+        """Done by whoever asks first, in his memory; another waits for him."""
+        with self._decoding:
+            if not self._decoded:
+                self._decoded.append(decoded_batch(decode_requests(self._body), memory))
+            return self._decoded[0]
 
 
-def _listen(channel: "_Channel", batches: "queue.SimpleQueue[Call]", encoders: "queue.SimpleQueue[Thinker]") -> None:
+def _listen(
+    channel: "_Channel", batches: Batches, encoders: "queue.SimpleQueue[Thinker]", busy: threading.Event
+) -> None:
     """Passes batches on, and embeds texts itself so that they need not wait behind a batch."""
+    ahead: Batches = queue.SimpleQueue()
+    threading.Thread(target=_decode_ahead, args=(ahead,), name="decode", daemon=True).start()
     try:
         thinker: Thinker | None = None
         while True:
             call, kind, body = channel.receive()
             if kind is Kind.THINK:
-                batches.put((call, kind, body))
+                batch = _Batch(call, body)
+                batches.put(batch)
+                if busy.is_set():
+                    ahead.put(batch)
                 continue
             thinker = thinker or encoders.get()
             try:
@@ -95,6 +118,14 @@ def _listen(channel: "_Channel", batches: "queue.SimpleQueue[Call]", encoders: "
         os._exit(0)  # the service is gone; the main thread may be busy for ever
 
 
+def _decode_ahead(batches: Batches) -> None:
+    memory = PixelMemory()
+    while True:
+        batch = batches.get()
+        with contextlib.suppress(Exception):  # it comes again where the batch is planned, and is told there
+            batch.decode(memory)
+
+
 class _Channel:
     """Whole messages over a blocking socket. Both directions raise OSError once the other end is closed."""
 
@@ -102,7 +133,7 @@ class _Channel:
         self._socket = connection
         self._sending = threading.Lock()
 
-    def receive(self) -> Call:
+    def receive(self) -> tuple[int, Kind, bytes]:
         length, call, kind = HEADER.unpack(self._read(HEADER.size))
         return call, Kind(kind), bytes(self._read(length))
 

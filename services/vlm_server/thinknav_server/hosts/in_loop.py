@@ -11,8 +11,9 @@ from thinknav_models import TextEncoder
 from thinknav_proto import PlannerError, PlannerFailed
 from thinknav_server.caller import Trace
 from thinknav_server.hosts.base import Identity
+from thinknav_server.images import PixelMemory
 from thinknav_server.planners.base import Plan, PlanItem, PlannerIdentity
-from thinknav_server.thinking import Question, Thought, decoded
+from thinknav_server.thinking import Question, Thought, decoded_batch
 
 
 class AsyncPlanner(Protocol):
@@ -36,6 +37,7 @@ class PlannerInLoop:
     """concurrency: calls to the planner at once."""
 
     batch_limit = 1
+    ahead = 0
     restarts = 0
 
     def __init__(self, planner: AsyncPlanner, text_encoder: TextEncoder, concurrency: int) -> None:
@@ -43,6 +45,7 @@ class PlannerInLoop:
         self.identity = Identity(planner.identity, text_encoder.space, text_encoder.dimension)
         self._planner = planner
         self._text_encoder = text_encoder
+        self._memory = PixelMemory()
 
     @property
     def ready(self) -> bool:
@@ -64,7 +67,7 @@ class PlannerInLoop:
     async def _think(self, question: Question) -> Thought | PlannerError:
         loop = asyncio.get_running_loop()
         began = loop.time()
-        item = decoded(question.request)
+        (item,) = decoded_batch([question.request], self._memory).items
         if isinstance(item, PlannerError):
             return item
         try:

@@ -13,7 +13,7 @@ import socket
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -58,6 +58,7 @@ class PlannerProcess:
     """
 
     slots = 1
+    ahead = 1
     batch_limit = None
 
     def __init__(self, options: PlannerOptions, settings: ProcessSettings | None = None) -> None:
@@ -75,7 +76,7 @@ class PlannerProcess:
             self.close()
             raise
         self.restarts = 0
-        self._calls: dict[int, asyncio.Future[bytes]] = {}
+        self._calls: dict[int, _Call] = {}
         self._last_call = 0
         self._ready = False
 
@@ -95,6 +96,7 @@ class PlannerProcess:
 
     async def __aenter__(self) -> Self:
         reader, self._writer = await asyncio.open_connection(sock=self._child.connection)
+        self._turn = asyncio.Lock()
         self._ready = True
         self._keeper = asyncio.create_task(self._keep_alive(reader), name="planner-process")
         return self
@@ -107,41 +109,52 @@ class PlannerProcess:
         await asyncio.to_thread(self.close)
 
     async def think(self, questions: Sequence[Question]) -> Sequence[Thought | PlannerError]:
-        body = encode_requests([question.request for question in questions])
-        thoughts = unpack_thoughts(await self._ask(Kind.THINK, body))
+        with self._ask(Kind.THINK, encode_requests([question.request for question in questions])) as call:
+            async with self._turn:  # the process decodes it meanwhile
+                thoughts = unpack_thoughts(await self._answer(call))
         if len(thoughts) != len(questions):
             raise PlannerFailed(f"the planner process gave {len(thoughts)} answers to {len(questions)} requests")
         return thoughts
 
     async def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
-        return unpack_embeddings(await self._ask(Kind.EMBED, pack_texts(texts)), self.identity.dimension)
+        with self._ask(Kind.EMBED, pack_texts(texts)) as call:
+            return unpack_embeddings(await self._answer(call), self.identity.dimension)
 
-    async def _ask(self, kind: Kind, body: bytes) -> bytes:
+    @contextlib.contextmanager
+    def _ask(self, kind: Kind, body: bytes) -> Iterator["_Call"]:
         if not self._ready:
-            raise Unavailable("the planner is being started again; try again in a while")
+            raise _being_started()
         self._last_call += 1
-        call = self._last_call
-        answer: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
-        self._calls[call] = answer
-        self._writer.write(message(call, kind, body))
+        number = self._last_call
+        self._calls[number] = call = _Call(kind, asyncio.get_running_loop().create_future())
+        self._writer.write(message(number, kind, body))
+        try:
+            yield call
+        finally:
+            del self._calls[number]
+            if not call.answer.cancel() and not call.answer.cancelled():
+                call.answer.exception()  # which nobody may have waited for
+
+    async def _answer(self, call: "_Call") -> bytes:
+        """What the process says, which may take as long as a batch may, from now on."""
         try:
             async with asyncio.timeout(self._settings.limit):
-                return await answer
+                return await call.answer
         except TimeoutError:
             reason = f"the planner took longer than its limit of {self._settings.limit:g} s, and is started again"
             logger.error(reason)
             self._lose(reason)
             raise PlannerFailed(reason) from None
-        finally:
-            self._calls.pop(call, None)
 
     def _lose(self, reason: str) -> None:
         """Gives up the process and what was asked of it; the keeper sees its end and starts another."""
         self._ready = False
         self._child.kill()
-        for answer in self._calls.values():
-            if not answer.done():
-                answer.set_exception(PlannerFailed(reason))
+        batches = [call for call in self._calls.values() if call.kind is Kind.THINK]
+        for call in self._calls.values():
+            if not call.answer.done():
+                # It worked on the first batch alone: what was given to it ahead is not to blame.
+                call.answer.set_exception(_being_started() if call in batches[1:] else PlannerFailed(reason))
 
     async def _keep_alive(self, reader: asyncio.StreamReader) -> None:
         while True:
@@ -165,8 +178,7 @@ class PlannerProcess:
         while True:
             length, call, kind = HEADER.unpack(await reader.readexactly(HEADER.size))
             body = await reader.readexactly(length)
-            answer = self._calls.get(call)
-            if answer is None or answer.done():
+            if call not in self._calls or (answer := self._calls[call].answer).done():
                 continue  # nobody waits for it any more
             if kind == Kind.FAILED:
                 answer.set_exception(PlannerFailed(f"the planner process failed: {body.decode()}"))
@@ -193,6 +205,16 @@ class PlannerProcess:
             logger.error("the planner cannot be started again, next attempt in %g s: %s", pause, problem)
         self.restarts += 1
         logger.warning("the planner is back after %.1f s", time.monotonic() - began)
+
+
+@dataclass(eq=False)
+class _Call:
+    kind: Kind
+    answer: asyncio.Future[bytes]
+
+
+def _being_started() -> Unavailable:
+    return Unavailable("the planner is being started again; try again in a while")
 
 
 class _Child:

@@ -25,6 +25,7 @@ class PlannerThread:
     """
 
     slots = 1
+    ahead = 0
     batch_limit = None
     restarts = 0
 
