@@ -57,6 +57,7 @@ class ScenesConfig(Section):
 
 
 PRIVILEGED = "privileged"
+EMBEDDED = "embedded"
 
 
 class PrivilegedConfig(Section):
@@ -78,8 +79,9 @@ class PlannerConfig(Section):
 
     url: str = Field(
         "http://127.0.0.1:8765",
-        description="where it is: http(s)://… or zenoh(s)://…, several separated by commas; privileged: no service, "
-        "but the simulator's shortest path, for experiments (docs/experiments.md)",
+        description="where it is: http(s)://… or zenoh(s)://…, several separated by commas; embedded: no service, "
+        "the embedded planner in the trainer's own process (docs/planners.md); privileged: no service, but the "
+        "simulator's shortest path, for experiments (docs/experiments.md)",
     )
     token_file: Path | None = Field(
         None, description="file with one line name:token; without it the variable THINKNAV_PLANNER_TOKEN is used"
@@ -91,6 +93,11 @@ class PlannerConfig(Section):
     def knows_the_map(self) -> bool:
         """Whether it is told what no robot is."""
         return self.url == PRIVILEGED
+
+    @property
+    def is_embedded(self) -> bool:
+        """Whether it is the embedded planner in our own process."""
+        return self.url == EMBEDDED
 
 
 class ThinkConfig(Section):

@@ -31,6 +31,7 @@ from thinknav_trainer.farming import farming_measures
 from thinknav_trainer.forcing import FORCED_THINK
 from thinknav_trainer.patience import Patience
 from thinknav_trainer.planner import Answer, PlannerClient, encode_frame
+from thinknav_trainer.planner.embedded import EmbeddedPlanner
 from thinknav_trainer.planner.privileged import PrivilegedPlanner
 from thinknav_trainer.planner_frames import PlannerFrames
 from thinknav_trainer.plans import Plans
@@ -105,19 +106,18 @@ class ThinkingEnv:
         discount: float = 0.99,
         seed: int = 0,
     ) -> None:
-        """asking: how; a privileged planner has a way of its own. discount: the learner's, for reward schemes that go
-        by it. seed: of which replies are withheld.
+        """asking: how; planners in our own process have ways of their own. discount: the learner's, for reward schemes
+        that go by it. seed: of which replies are withheld.
         """
         if (planner is None) != (config.strategy == "never"):
             raise ValueError(f"strategy {config.strategy!r} {'needs a' if planner is None else 'takes no'} planner")
         self.env = env
         self.counts = ThinkCounts()
         self.parked: set[int] = set()
+        if isinstance(planner, EmbeddedPlanner):  # nothing travels
+            config = config.model_copy(update={"frame_encoding": "raw"})
         self._config = config
-        if isinstance(planner, PrivilegedPlanner):
-            self._asking: Asking | None = planner.asking(env)
-        else:
-            self._asking = None if planner is None else asking(planner)
+        self._asking = None if planner is None else _asking_of(planner, env, asking)
         self._patience = Patience(config.patience)
         self._discount = discount
         self._scheme = REWARD_SCHEMES[config.reward]
@@ -415,3 +415,10 @@ class ThinkingEnv:
         self._withholding.bit_generator.state = state.get("withholding", self._withholding.bit_generator.state)
         self._round = state["round"]
         self.think(np.array(state["parked"], np.int64))
+
+
+def _asking_of(planner: PlannerClient, env: ObjectNavVectorEnv, asking: Callable[[PlannerClient], Asking]) -> Asking:
+    """Whoever answers in our own process keeps nobody waiting for others: it is asked all at once."""
+    if isinstance(planner, PrivilegedPlanner):
+        return planner.asking(env)
+    return AskTogether(planner) if isinstance(planner, EmbeddedPlanner) else asking(planner)

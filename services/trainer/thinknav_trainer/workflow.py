@@ -11,6 +11,7 @@ from thinknav_trainer.episode_sets import EpisodeSet
 from thinknav_trainer.evaluate import Clock, EpisodeRecord, evaluate, write_evaluation
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import PlannerClient, PlannerError, connect, read_token
+from thinknav_trainer.planner.embedded import EmbeddedPlanner
 from thinknav_trainer.planner.privileged import PrivilegedPlanner
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.recording import Recording
@@ -42,6 +43,8 @@ def connect_if_thinking(config: TrainConfig, stack: ExitStack) -> PlannerClient 
         if config.think.strategy == "once":
             raise ConfigError("planner.url privileged makes no plans: it does not go with think.strategy once")
         return stack.enter_context(PrivilegedPlanner(where.privileged, config.seed))
+    if where.is_embedded:
+        return stack.enter_context(EmbeddedPlanner(config.seed))
     try:
         token = read_token(where.token_file)
         planner = stack.enter_context(connect(where.url, token=token, tls_ca=where.tls_ca))
