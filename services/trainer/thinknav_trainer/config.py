@@ -87,6 +87,11 @@ class PlannerConfig(Section):
         None, description="file with one line name:token; without it the variable THINKNAV_PLANNER_TOKEN is used"
     )
     tls_ca: Path | None = Field(None, description="PEM file of the authority that signed its certificate")
+    control: Literal["none", "zeros", "another", "constant", "random"] = Field(
+        "none",
+        description="what the policy is told in the place of replies, whoever answers: zeros, another agent's reply, "
+        "always the same sentence, a random direction (docs/experiments.md)",
+    )
     privileged: PrivilegedConfig = PrivilegedConfig()
 
     @property
@@ -288,6 +293,10 @@ class TrainConfig(Section):
         if url is None:
             return self
         return self.model_copy(update={"planner": self.planner.model_copy(update={"url": url})})
+
+    def with_control(self, control: str | None) -> "TrainConfig":
+        """The same with another control (planner.control); unchanged for None. Raises ConfigError."""
+        return self if control is None else change_config(self, overrides=[f"planner.control={control}"])
 
     @property
     def steps_per_update(self) -> int:

@@ -26,6 +26,7 @@ from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.asking import Asking, AskTogether
 from thinknav_trainer.config import ThinkConfig
+from thinknav_trainer.control import Control, ControlName
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.farming import farming_measures
 from thinknav_trainer.forcing import FORCED_THINK
@@ -105,9 +106,11 @@ class ThinkingEnv:
         asking: Callable[[PlannerClient], Asking] = AskTogether,
         discount: float = 0.99,
         seed: int = 0,
+        control: ControlName = "none",
     ) -> None:
         """asking: how; planners in our own process have ways of their own. discount: the learner's, for reward schemes
-        that go by it. seed: of which replies are withheld.
+        that go by it. seed: of which replies are withheld, and of what controls draw. control: what is
+        told in the place of replies (`control`).
         """
         if (planner is None) != (config.strategy == "never"):
             raise ValueError(f"strategy {config.strategy!r} {'needs a' if planner is None else 'takes no'} planner")
@@ -136,6 +139,7 @@ class ThinkingEnv:
         self._trajectories = Trajectories(env.num_envs)
         self._round = 0  # of looking for replies, since the run began
         self.texts: dict[str, NDArray[np.float32]] = {}  # what was embedded so far
+        self._control = Control(control, self.embed, self._goal, seed)
         self._descriptions = self.embed([task_description(category) for category in GOAL_CATEGORIES])
 
     @property
@@ -196,7 +200,8 @@ class ThinkingEnv:
         if self._asking is None or not self.parked:
             return {}
         self._round += 1
-        replies = {env: self._with_plan(env, reply) for env, reply in self._asking.replies(must_wait).items()}
+        told = self._control.replace(self._asking.replies(must_wait))
+        replies = {env: self._with_plan(env, reply) for env, reply in told.items()}
         self.parked.difference_update(replies)
         answered = sum(isinstance(reply, SubgoalReply) for reply in replies.values())
         self.counts.answered += answered
@@ -387,6 +392,7 @@ class ThinkingEnv:
             "trajectories": self._trajectories.state_dict(),
             "round": self._round,
             "withholding": self._withholding.bit_generator.state,
+            "control": self._control.state_dict(),
             "parked": sorted(self.parked),
         }
 
@@ -410,9 +416,10 @@ class ThinkingEnv:
         self.counts = ThinkCounts(**state["counts"])
         self._request_number = state["request_number"]
         self._recent.load_state_dict(state["frames"])
-        # Older checkpoints lack these two: what their open episodes did until now is not known.
+        # Older checkpoints lack these three: what their open episodes did until now is not known.
         self._trajectories.load_state_dict(state.get("trajectories", [()] * self.num_envs))
         self._withholding.bit_generator.state = state.get("withholding", self._withholding.bit_generator.state)
+        self._control.load_state_dict(state.get("control", []))
         self._round = state["round"]
         self.think(np.array(state["parked"], np.int64))
 
