@@ -14,7 +14,7 @@ from thinknav_trainer.config import TrainConfig, change_config
 from thinknav_trainer.dumps import TrainingDiverged
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.ppo import PPO
-from thinknav_trainer.reproduce import reproduce_dump
+from thinknav_trainer.redo import redo_dump
 from thinknav_trainer.run import Run
 from thinknav_trainer.scenes import Homes
 from thinknav_trainer.train import train
@@ -26,7 +26,7 @@ def diverged(folder: Path, smoke: TrainConfig, homes: Homes) -> tuple[str, Path]
     with pytest.raises(TrainingDiverged) as caught:
         train(run, homes, None, Interruption())
     run.close()
-    found = re.search(r"thinknav reproduce (.*)$", str(caught.value))
+    found = re.search(r"thinknav redo (.*)$", str(caught.value))
     assert found
     return str(caught.value), Path(found.group(1))
 
@@ -43,7 +43,7 @@ def test_an_observation(tmp_path: Path, smoke: TrainConfig, homes: Homes, monkey
     monkeypatch.setattr(ObjectNavVectorEnv, "step_subset", broken)
     said, dump = diverged(tmp_path, smoke, homes)
     assert "not finite after 0 steps: depth of envs [2]" in said
-    assert "depth of env 2: 1 of 1024 numbers, at pose [" in reproduce_dump(dump)
+    assert "depth of env 2: 1 of 1024 numbers, at pose [" in redo_dump(dump)
 
 
 def test_a_loss(tmp_path: Path, smoke: TrainConfig, homes: Homes, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -55,9 +55,9 @@ def test_a_loss(tmp_path: Path, smoke: TrainConfig, homes: Homes, monkeypatch: p
     monkeypatch.setattr(PPO, "_value_loss", broken)
     said, dump = diverged(tmp_path, smoke, homes)
     assert "value_loss of an update" in said
-    assert "once more: value_loss of an update" in reproduce_dump(dump)
+    assert "once more: value_loss of an update" in redo_dump(dump)
     monkeypatch.undo()
-    assert "the same minibatch is finite here" in reproduce_dump(dump)
+    assert "the same minibatch is finite here" in redo_dump(dump)
 
 
 def test_a_gradient(tmp_path: Path, smoke: TrainConfig, homes: Homes, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -71,11 +71,11 @@ def test_a_gradient(tmp_path: Path, smoke: TrainConfig, homes: Homes, monkeypatc
     monkeypatch.setattr(PPO, "_policy_loss", broken)
     said, dump = diverged(tmp_path, smoke, homes)
     assert "gradients of actor.bias" in said
-    assert "once more: gradients of actor.bias" in reproduce_dump(dump)
+    assert "once more: gradients of actor.bias" in redo_dump(dump)
 
 
 def test_a_file_that_is_no_dump_is_named(tmp_path: Path) -> None:
     (tmp_path / "x.pt").write_text("hello")
     for name in ("x.pt", "absent.pt"):
         with pytest.raises(CheckpointError, match=f"{name} is no dump"):
-            reproduce_dump(tmp_path / name)
+            redo_dump(tmp_path / name)

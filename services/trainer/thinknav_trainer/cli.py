@@ -35,8 +35,8 @@ from thinknav_trainer.demo import run_demo
 from thinknav_trainer.dumps import TrainingDiverged
 from thinknav_trainer.interrupt import interruption
 from thinknav_trainer.recording import RecordingError
+from thinknav_trainer.redo import redo_dump
 from thinknav_trainer.report import write_report
-from thinknav_trainer.reproduce import reproduce_dump
 from thinknav_trainer.run import RunError, read_config
 from thinknav_trainer.service_process import ServiceError
 from thinknav_trainer.vision import EmbeddingSpaceError
@@ -71,6 +71,7 @@ app.command("eval")(evaluate.evaluate)
 app.command("budgets")(budgets.budgets)
 app.command("compare")(compare.compare_runs)
 app.command("experiment")(experiment.experiment)
+app.command("reproduce")(experiment.reproduce)
 app.add_typer(models.app, name="models")
 
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="e.g. --set ppo.lr=1e-4")]
@@ -122,9 +123,9 @@ def report(run: Annotated[Path, typer.Argument(help="the folder of a run, evalua
 
 
 @app.command()
-def reproduce(dump: Annotated[Path, typer.Argument(help="a file in the dumps/ of a run that stopped")]) -> None:
+def redo(dump: Annotated[Path, typer.Argument(help="a file in the dumps/ of a run that stopped")]) -> None:
     """Go once more through what made a run stop with a number that is not finite. For dumps of your own only."""
-    Console().print(reproduce_dump(dump), soft_wrap=True)
+    Console().print(redo_dump(dump), soft_wrap=True)
 
 
 @app.command()

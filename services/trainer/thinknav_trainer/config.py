@@ -38,6 +38,9 @@ class ScenesConfig(Section):
     folder: str | None = Field(None, description="where the scenes of episodes_file lie (docs/evaluation.md)")
     homes: int = Field(1, ge=1, description="procedural homes to train in")
     first_home: int = Field(0, ge=0, description="index of the first one in the training range of seeds")
+    chosen: tuple[int, ...] = Field(
+        (), description="indices of the homes in the training range, instead of homes and first_home"
+    )
     rooms: int | None = Field(None, ge=1, le=8, description="rooms of each home; none: the home decides")
     episodes: int = Field(400, ge=10, description="episodes made in each home, before the split")
     held_out: float = Field(0.1, gt=0, lt=1, description="share of them held out, stratified by category")
@@ -53,6 +56,10 @@ class ScenesConfig(Section):
             raise ValueError(f"min_distance {self.min_distance} is not below max_distance {self.max_distance}")
         if self.scans and self.episodes_file is not None:
             raise ValueError("scans and episodes_file exclude each other; put the scans in scenes.folder")
+        if self.chosen and (self.scans or self.episodes_file is not None):
+            raise ValueError("chosen names procedural homes: it does not go with scans or episodes_file")
+        if any(index < 0 for index in self.chosen) or len(set(self.chosen)) < len(self.chosen):
+            raise ValueError(f"chosen must be indices of different homes, not {self.chosen}")
         return self
 
 

@@ -1,6 +1,6 @@
 """What was at hand when a number was not finite, on disk: enough to see it happen again.
 
-A dump of an update holds the policy, the optimiser and the minibatch, and `reproduce` goes through it once more; one
+A dump of an update holds the policy, the optimiser and the minibatch, and `redo` goes through it once more; one
 of an observation or a reward holds what the simulator gave.
 """
 

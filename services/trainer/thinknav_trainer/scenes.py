@@ -3,6 +3,7 @@
 Knows configuration and simulator; nothing of learning.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -11,7 +12,7 @@ from thinknav_sim.homes import generate_home, home_seed
 from thinknav_sim.objectnav import make_grid
 from thinknav_sim.render import make_renderer
 from thinknav_sim.scene import Scene, SceneError
-from thinknav_trainer.config import ScenesConfig, TrainConfig
+from thinknav_trainer.config import TrainConfig
 from thinknav_trainer.episode_sets import of_file
 
 
@@ -35,7 +36,9 @@ def make_homes(config: TrainConfig) -> Homes:
         given = of_file(Path(wanted.episodes_file), None if wanted.folder is None else Path(wanted.folder))
         train, held_out = split_by_category(given.episodes, held_out=wanted.held_out, seed=0)
         return Homes(given.scenes, list(train), list(held_out))
-    scenes = _load_scans(wanted.scans) if wanted.scans else _generate(wanted)
+    count = len(wanted.scans) or wanted.homes
+    indices = wanted.chosen or range(wanted.first_home, wanted.first_home + count)
+    scenes = _load_scans(wanted.scans) if wanted.scans else _generate(indices, wanted.rooms)
     renderer = make_renderer()
     episodes: list[Episode] = []
     for index, scene in enumerate(scenes):
@@ -43,7 +46,7 @@ def make_homes(config: TrainConfig) -> Homes:
             scene,
             make_grid(scene, renderer, config.env),
             wanted.episodes,
-            seed=wanted.first_home + index,
+            seed=indices[index],
             min_distance=wanted.min_distance,
             max_distance=wanted.max_distance,
             config=config.env,
@@ -56,11 +59,8 @@ def make_homes(config: TrainConfig) -> Homes:
     return Homes(scenes, list(train), list(held_out), list(validation))
 
 
-def _generate(wanted: ScenesConfig) -> list[Scene]:
-    return [
-        generate_home(home_seed("train", wanted.first_home + index), rooms=wanted.rooms)
-        for index in range(wanted.homes)
-    ]
+def _generate(indices: Sequence[int], rooms: int | None) -> list[Scene]:
+    return [generate_home(home_seed("train", index), rooms=rooms) for index in indices]
 
 
 def _load_scans(paths: tuple[str, ...]) -> list[Scene]:

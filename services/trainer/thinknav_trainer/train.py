@@ -125,7 +125,7 @@ def improve(session: Session, run: Run | RunElsewhere) -> tuple[dict[str, float]
         config = run.config.model_dump(mode="json")
         path = run.dump(session.steps, {"what": str(error), "config": config, **error.evidence})
         raise TrainingDiverged(
-            f"not finite after {session.steps} steps: {error}; to see it again: thinknav reproduce {path}"
+            f"not finite after {session.steps} steps: {error}; to see it again: thinknav redo {path}"
         ) from error
     return named_losses(losses) | session.price.update(rollout, session.env.share), len(rollout)
 

@@ -1,4 +1,4 @@
-"""`thinknav experiment`: arms and seeds in turn, and a table."""
+"""`thinknav experiment` and `thinknav reproduce`: arms and seeds, a ledger, a table and figures."""
 
 from pathlib import Path
 from typing import Annotated
@@ -6,25 +6,101 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from thinknav_trainer.experiments import EXPERIMENTS, named_experiment, run_experiment
+from thinknav_trainer.config import ConfigError
+from thinknav_trainer.experiments import (
+    EXPERIMENTS,
+    REPRODUCED,
+    Done,
+    Experiment,
+    Wanted,
+    named_experiment,
+    run_experiment,
+    write_results,
+)
 from thinknav_trainer.interrupt import interruption
+
+Seeds = Annotated[int | None, typer.Option(min=1, help="of each arm; default: as many as it has")]
+Arms = Annotated[str | None, typer.Option(help="some of the arms, separated by commas; default: all")]
+Jobs = Annotated[int, typer.Option(min=1, help="runs at a time; more than one: each with one thread")]
+Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="one key, in every arm")]
+Runs = Annotated[Path, typer.Option(help="folder of all runs")]
+Results = Annotated[
+    Path | None, typer.Option(help="of ledger, table and figures; default: docs/results where it is there, or results")
+]
+Smoke = Annotated[bool, typer.Option("--smoke", help="everything runs in seconds, nothing is learnt")]
+Quick = Annotated[bool, typer.Option("--quick", help="the story in about ten minutes, where there is such a form")]
+Table = Annotated[bool, typer.Option("--table", help="only write down what there is")]
 
 
 def experiment(
     name: Annotated[str, typer.Argument(help=", ".join(EXPERIMENTS))],
-    seeds: Annotated[int | None, typer.Option(min=1, help="how many; default: the experiment's")] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="one key, in every arm")
-    ] = None,
-    runs: Annotated[Path, typer.Option(help="folder of all runs")] = Path("runs"),
-    smoke: Annotated[bool, typer.Option("--smoke", help="everything runs in seconds, nothing is learnt")] = False,
+    seeds: Seeds = None,
+    arms: Arms = None,
+    jobs: Jobs = 1,
+    overrides: Overrides = None,
+    runs: Runs = Path("runs"),
+    results: Results = None,
+    smoke: Smoke = False,
+    quick: Quick = False,
+    table: Table = False,
 ) -> None:
     """Train and evaluate the arms of an experiment; the same command goes on with what was begun."""
-    wanted = named_experiment(name)
-    folder = runs / (f"{name}-smoke" if smoke else name)
+    wanted = Wanted(seeds, jobs, tuple(overrides or ()))
+    _conduct(_form(named_experiment(name), smoke, quick), arms, wanted, runs, results, table)
+
+
+def reproduce(
+    name: Annotated[str, typer.Argument(help=", ".join(REPRODUCED))],
+    seeds: Seeds = None,
+    arms: Arms = None,
+    jobs: Jobs = 1,
+    runs: Runs = Path("runs"),
+    results: Results = None,
+    smoke: Smoke = False,
+    quick: Quick = False,
+    table: Table = False,
+) -> None:
+    """Reproduce the paper: in one home, in five, in homes never seen. The same command goes on with what was begun."""
+    if name not in REPRODUCED:
+        raise ConfigError(
+            f"there is {', '.join(REPRODUCED)} to reproduce, not {name!r}; for a dump: thinknav redo DUMP"
+        )
+    _conduct(_form(named_experiment(name), smoke, quick), arms, Wanted(seeds, jobs), runs, results, table)
+
+
+def _form(wanted: Experiment, smoke: bool, quick: bool) -> Experiment:
+    if smoke and quick:
+        raise ConfigError("give either --smoke or --quick")
+    if smoke:
+        return wanted.smoked()
+    return wanted.quickened() if quick else wanted
+
+
+def _conduct(
+    chosen: Experiment, arms: str | None, wanted: Wanted, runs: Path, results: Path | None, table: bool
+) -> None:
+    """Run it, or only write down what there is; and tell."""
+    folder = runs / chosen.full_name
+    place = results or _usual_results(chosen, folder, wanted)
+    if arms is not None:
+        chosen = chosen.with_arms([name.strip() for name in arms.split(",")])
     with interruption() as interrupted:
-        page = run_experiment(wanted, folder, seeds or wanted.seeds, interrupted, overrides or (), smoke)
-    if page is not None:
-        Console().print(page.read_text(), soft_wrap=True, markup=False, highlight=False)
-        Console().print(f"table: {page}", soft_wrap=True)
-    raise typer.Exit(interrupted.exit_code)
+        if table:
+            done = Done(write_results(chosen, place, wanted))
+        else:
+            done = run_experiment(chosen, folder, place, interrupted, wanted)
+    console = Console(soft_wrap=True, markup=False, highlight=False)
+    if done.page is not None:
+        console.print(done.page.read_text())
+        console.print(f"table: {done.page}")
+    for failure in done.failures:
+        console.print(f"FAILED: {failure.job.arm}, seed {failure.job.seed}: {failure.words} ({failure.log})")
+    raise typer.Exit(interrupted.exit_code or bool(done.failures))
+
+
+def _usual_results(chosen: Experiment, folder: Path, wanted: Wanted) -> Path:
+    """What was changed by hand, and smoke, do not go where results are kept."""
+    if chosen.form == "smoke" or wanted.overrides:
+        return folder / "results"
+    kept = Path("docs") / "results"
+    return kept if kept.is_dir() else Path("results")

@@ -1,85 +1,96 @@
-"""Trains and evaluates what an experiment still lacks.
+"""Does what an experiment still lacks, keeps each outcome in its ledger, and writes down what there is.
 
-A run lies in a folder that is named after its arm, its seed and a hash of its configuration: what was done with the
-same configuration is not done again, and what was begun goes on. Knows nothing of what the arms mean.
+Knows jobs and lines; nothing of what the arms mean.
 """
 
-import hashlib
 import logging
-from collections.abc import Sequence
+import traceback
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
-from thinknav_trainer.config import ConfigError, TrainConfig
 from thinknav_trainer.experiments.experiment import Experiment
-from thinknav_trainer.experiments.table import Outcome, write_table
+from thinknav_trainer.experiments.job import Job, jobs_of
+from thinknav_trainer.experiments.ledger import Ledger, Line
+from thinknav_trainer.experiments.pages import write_pages
+from thinknav_trainer.experiments.process import LOG
+from thinknav_trainer.experiments.side_by_side import Failure, do_side_by_side
+from thinknav_trainer.experiments.work import SharedHomes, do_job
 from thinknav_trainer.interrupt import Interruption
-from thinknav_trainer.records import EpisodeRecord, read_evaluation
-from thinknav_trainer.run import read_config
-from thinknav_trainer.scenes import Homes, make_homes
-from thinknav_trainer.workflow import evaluate_checkpoint, train_run
 
 logger = logging.getLogger(__name__)
 
 
+@dataclass(frozen=True)
+class Wanted:
+    """seeds: none: as many as each arm has. jobs: how many at a time. overrides: over those of every arm."""
+
+    seeds: int | None = None
+    jobs: int = 1
+    overrides: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Done:
+    """page: the table, none where there is nothing to put into it. failures: what could not be done."""
+
+    page: Path | None
+    failures: list[Failure] = field(default_factory=list)
+
+
 def run_experiment(
-    experiment: Experiment,
-    folder: Path,
-    seeds: int,
-    interrupted: Interruption,
-    overrides: Sequence[str] = (),
-    smoke: bool = False,
-) -> Path | None:
-    """The page with the table; None when the user interrupted, after which the same call goes on.
+    experiment: Experiment, runs: Path, results: Path, interrupted: Interruption, wanted: Wanted = Wanted()
+) -> Done:
+    """Do all jobs that have no line in the ledger yet, then write table and figures of all that are done.
 
-    One seed of each arm, then the next one. The table is written anew when all arms have a seed more.
+    runs: the folder of this experiment's runs. results: that of its ledger, table and figures. When the user
+    interrupts, the same call goes on later. Raises ConfigError before anything is done.
     """
-    page = None
+    jobs = jobs_of(experiment, wanted.seeds, wanted.overrides)
+    ledger = Ledger(results, experiment.full_name)
+    missing = [job for job in jobs if ledger.find(job) is None]
+    logger.info("%s: %d of %d jobs are done", experiment.full_name, len(jobs) - len(missing), len(jobs))
+
+    def note(job: Job, line: Line) -> None:
+        ledger.add(line)
+        logger.info("%s, seed %d: success %.3f, SPL %.3f", job.arm, job.seed, *_told(line))
+
+    if wanted.jobs > 1:
+        failures = do_side_by_side(missing, runs, wanted.jobs, interrupted, note)
+    else:
+        failures = _do_in_turn(missing, runs, interrupted, note)
+    return Done(write_results(experiment, results, wanted), failures)
+
+
+def write_results(experiment: Experiment, results: Path, wanted: Wanted = Wanted()) -> Path | None:
+    """Table and figures of what the ledger has, in its folder; the path of the table, none of an empty ledger."""
+    jobs = jobs_of(experiment, wanted.seeds, wanted.overrides)
+    lines = Ledger(results, experiment.full_name).lines_of(jobs)
+    return write_pages(experiment, lines, results, wanted.seeds) if lines else None
+
+
+def _do_in_turn(
+    jobs: Sequence[Job], folder: Path, interrupted: Interruption, done: Callable[[Job, Line], None]
+) -> list[Failure]:
+    """As `do_side_by_side`, one after another in our own process."""
     homes = SharedHomes()
-    outcomes: list[Outcome] = []
-    for seed in range(seeds):
-        for arm in experiment.arms:
-            config = experiment.config(arm, seed, overrides, smoke)
-            run = folder / f"{arm.name}-{seed}-{_digest(config)}"
-            records = _trained_and_evaluated(run, config, homes, interrupted)
-            if interrupted.requested:
-                return None
-            outcomes.append(Outcome(arm.name, seed, config, records))
-        page = write_table(folder, experiment, outcomes)
-    return page
+    failures: list[Failure] = []
+    for job in jobs:
+        run = folder / job.name
+        try:
+            line = do_job(job, run, homes, interrupted)
+        except Exception as error:  # whatever became of one, the others are done
+            run.mkdir(parents=True, exist_ok=True)
+            with (run / LOG).open("a") as log:
+                log.write(traceback.format_exc())
+            failures.append(Failure(job, f"{type(error).__name__}: {error}", run / LOG))
+            logger.exception("%s, seed %d failed", job.arm, job.seed)
+            continue
+        if interrupted.requested or line is None:
+            break
+        done(job, line)
+    return failures
 
 
-class SharedHomes:
-    """Homes and episodes, made once for all runs that play in the same ones."""
-
-    def __init__(self) -> None:
-        self._made: dict[str, Homes] = {}
-
-    def of(self, config: TrainConfig) -> Homes:
-        """Those of a configuration."""
-        key = config.scenes.model_dump_json() + config.env.model_dump_json()
-        if key not in self._made:
-            self._made[key] = make_homes(config)
-        return self._made[key]
-
-
-def _trained_and_evaluated(
-    run: Path, config: TrainConfig, homes: SharedHomes, interrupted: Interruption
-) -> list[EpisodeRecord]:
-    """The records of a run's held-out episodes; none when the user interrupts."""
-    begun = (run / "config.yaml").exists()
-    if begun and read_config(run) != config:
-        raise ConfigError(f"{run} was made with other defaults than today's; move it away, or give another --runs")
-    try:
-        return read_evaluation(run / "evaluation")[1]
-    except ConfigError:
-        logger.info("%s is to be trained and evaluated", run)
-    own = homes.of(config)
-    checkpoint = train_run(run, config, interrupted, resume=begun, homes=own)
-    if interrupted.requested:
-        return []
-    return evaluate_checkpoint(checkpoint, "held_out", interrupted, output=run / "evaluation", homes=own)[1]
-
-
-def _digest(config: TrainConfig) -> str:
-    """Of what differs from the defaults, so that a key that ThinkNav learns later makes no run another one."""
-    return hashlib.sha256(config.model_dump_json(exclude_defaults=True).encode()).hexdigest()[:10]
+def _told(line: Line) -> tuple[float, float]:
+    return line["measures"]["success"], line["measures"]["spl"]

@@ -13,7 +13,7 @@ from thinknav_trainer.precision import autocast
 from thinknav_trainer.rollout import Rollout
 
 
-def reproduce_dump(path: Path) -> str:
+def redo_dump(path: Path) -> str:
     """What happens, in words. Raises CheckpointError for a file that is no dump."""
     evidence = read_dump(path)
     again = _update(evidence) if "rollout" in evidence else _observation(evidence)

@@ -1,0 +1,90 @@
+"""The arms with which the paper is reproduced; docs/experiments.md has a line for each kind.
+
+Headline arms have five seeds, the others those of their experiment.
+"""
+
+from typing import TypedDict
+
+from thinknav_trainer.experiments.experiment import AgentRow, Arm
+
+EMBEDDED = "planner.url=embedded"
+CLONED = ("warm_start.steps=40000", "ppo.entropy_coef=0.003")  # what was imitated is not to be forgotten at once
+FORCED = ("think.forced=0.3", "think.forced_until=0.5")
+
+HEADLINE_SEEDS = 5
+_NEVER = ("think.strategy=never",)
+_RECENT = ("think.context=5", "think.temperature=0.5")
+_BUDGET = ("think.budget=0.05", "think.budget_after=0.3", "think.dropout=0.2")
+_PRIVILEGED = ("planner.url=privileged", *FORCED)
+
+NEVER = Arm("never", _NEVER, HEADLINE_SEEDS)
+NEVER_CLONED = Arm("never-cloned", (*_NEVER, "warm_start.demonstrator=bump-walker", *CLONED))
+PAPER = Arm("agent-paper", ("think.reward=paper",), HEADLINE_SEEDS)
+THINK_COST = Arm("agent-think-cost")
+CLONE = Arm("agent-cloned", CLONED, HEADLINE_SEEDS)
+CLONE_BUDGET = Arm("agent-cloned-budget", (*CLONED, *_BUDGET), HEADLINE_SEEDS)
+PERFECT = Arm("privileged", _PRIVILEGED)
+
+
+class Headline(TypedDict):
+    """What the experiments that reproduce the paper have in common."""
+
+    baseline: str
+    best: str
+    reproduces: bool
+
+
+HEADLINE: Headline = {"baseline": NEVER.name, "best": CLONE.name, "reproduces": True}
+
+ROWS = (
+    AgentRow("planner-only", "planner", ("think.temperature=0.5",)),
+    AgentRow("planner-only-context", "planner", _RECENT),
+    AgentRow("bump-walker", "bump-walker"),
+    AgentRow("shortest-path", "shortest-path"),
+)
+
+
+def controls_of(arm: Arm) -> tuple[Arm, ...]:
+    """An arm with what it is told replaced, in training and evaluation, in three ways."""
+    return tuple(
+        Arm(f"{arm.name}-{control}", (*arm.overrides, f"planner.control={control}"))
+        for control in ("zeros", "another", "constant")
+    )
+
+
+def arms_of_single() -> tuple[Arm, ...]:
+    """One home: everything."""
+    schemes = ("task", "annealed", "capped", "progress_gated", "potential")
+    return (
+        NEVER,
+        PAPER,
+        CLONE,
+        CLONE_BUDGET,
+        Arm("never-1m", (*_NEVER, "total_steps=1000000"), 3),
+        NEVER_CLONED,
+        THINK_COST,
+        *(Arm(f"agent-{scheme.replace('_', '-')}", (f"think.reward={scheme}",)) for scheme in schemes),
+        Arm("agent-forced", FORCED),
+        Arm("agent-cloned-context", (*CLONED, *_RECENT)),
+        Arm("every-n", ("think.strategy=every_n",)),
+        Arm("once", ("think.strategy=once",)),
+        *controls_of(THINK_COST),
+        *controls_of(CLONE),
+        Arm("agent-paper-random", (*PAPER.overrides, "planner.control=random")),
+        PERFECT,
+        *(
+            Arm(f"privileged-{share}", (*_PRIVILEGED, f"planner.privileged.error={share}"))
+            for share in ("0.1", "0.3", "0.5")
+        ),
+    )
+
+
+def arms_of_five() -> tuple[Arm, ...]:
+    """Five homes: the headline arms, and what it takes to explain them."""
+    masked = [arm for arm in controls_of(CLONE) if not arm.name.endswith("constant")]
+    return (NEVER, PAPER, CLONE, CLONE_BUDGET, NEVER_CLONED, THINK_COST, *masked, PERFECT)
+
+
+def arms_of_unseen() -> tuple[Arm, ...]:
+    """Homes never seen: three arms, three seeds."""
+    return tuple(Arm(arm.name, arm.overrides) for arm in (NEVER, CLONE, PAPER))

@@ -1,0 +1,40 @@
+"""All that is written down of an experiment: `NAME.json`, `NAME.md`, and the curves as `NAME-curves.svg` and `.png`."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from thinknav_trainer.experiments.experiment import Experiment
+from thinknav_trainer.experiments.figure import draw_curves
+from thinknav_trainer.experiments.ledger import Line
+from thinknav_trainer.experiments.markdown import markdown
+from thinknav_trainer.experiments.summary import summarize
+from thinknav_trainer.files import replace_text, replacing
+
+
+def write_pages(experiment: Experiment, lines: Sequence[Line], folder: Path, seeds: int | None = None) -> Path:
+    """Into a folder, from a ledger's lines, of which there is at least one; the path of the table.
+
+    seeds: how many of each arm the user wants, if not as many as the experiment says. An arm that has fewer says so.
+    """
+    name = experiment.full_name
+    result = summarize(experiment, lines, seeds)
+    replace_text(folder / f"{name}.json", laid_out(result) + "\n")
+    figure = draw_curves(experiment, lines)
+    if figure is not None:
+        for ending, picture in figure.items():
+            with replacing(folder / f"{name}-curves.{ending}") as file:
+                file.write(picture)
+    page = folder / f"{name}.md"
+    replace_text(page, markdown(experiment, result, f"{name}-curves.svg" if figure else None))
+    return page
+
+
+def laid_out(value: Any, depth: int = 3) -> str:
+    """JSON with a line for each entry down to a depth, and those below in one line: small, and good to compare."""
+    if depth == 0 or not isinstance(value, dict) or not value:
+        return json.dumps(value, allow_nan=False)
+    indent = "  " * (4 - depth)
+    rows = [f"{indent}{json.dumps(name)}: {laid_out(inner, depth - 1)}" for name, inner in value.items()]
+    return "{\n" + ",\n".join(rows) + "\n" + indent[2:] + "}"
