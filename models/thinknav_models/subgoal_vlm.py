@@ -84,6 +84,10 @@ class SubgoalVLM:
         taught = load_network(path)
         return cls(taught.vocabulary, taught.network, taught.stop_gate, seed), taught.revision
 
+    def draw_from(self, seed: int) -> None:
+        """Whatever is drawn from now on follows from this seed (below 2**63), not from what was asked before."""
+        self._generator.manual_seed(seed)
+
     def answer(self, questions: Sequence[Question]) -> list[Answer]:
         """One answer for each question, in their order. Raises ValueError for a frame that is no image."""
         answers: dict[int, Answer] = {}

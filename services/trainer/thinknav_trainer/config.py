@@ -57,6 +57,7 @@ class ScenesConfig(Section):
 
 
 PRIVILEGED = "privileged"
+EMBEDDED = "embedded"
 
 
 class PrivilegedConfig(Section):
@@ -78,19 +79,30 @@ class PlannerConfig(Section):
 
     url: str = Field(
         "http://127.0.0.1:8765",
-        description="where it is: http(s)://… or zenoh(s)://…, several separated by commas; privileged: no service, "
-        "but the simulator's shortest path, for experiments (docs/experiments.md)",
+        description="where it is: http(s)://… or zenoh(s)://…, several separated by commas; embedded: no service, "
+        "the embedded planner in the trainer's own process (docs/planners.md); privileged: no service, but the "
+        "simulator's shortest path, for experiments (docs/experiments.md)",
     )
     token_file: Path | None = Field(
         None, description="file with one line name:token; without it the variable THINKNAV_PLANNER_TOKEN is used"
     )
     tls_ca: Path | None = Field(None, description="PEM file of the authority that signed its certificate")
+    control: Literal["none", "zeros", "another", "constant", "random"] = Field(
+        "none",
+        description="what the policy is told in the place of replies, whoever answers: zeros, another agent's reply, "
+        "always the same sentence, a random direction (docs/experiments.md)",
+    )
     privileged: PrivilegedConfig = PrivilegedConfig()
 
     @property
     def knows_the_map(self) -> bool:
         """Whether it is told what no robot is."""
         return self.url == PRIVILEGED
+
+    @property
+    def is_embedded(self) -> bool:
+        """Whether it is the embedded planner in our own process."""
+        return self.url == EMBEDDED
 
 
 class ThinkConfig(Section):
@@ -281,6 +293,10 @@ class TrainConfig(Section):
         if url is None:
             return self
         return self.model_copy(update={"planner": self.planner.model_copy(update={"url": url})})
+
+    def with_control(self, control: str | None) -> "TrainConfig":
+        """The same with another control (planner.control); unchanged for None. Raises ConfigError."""
+        return self if control is None else change_config(self, overrides=[f"planner.control={control}"])
 
     @property
     def steps_per_update(self) -> int:

@@ -17,6 +17,7 @@ from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.actor import Actor
 from thinknav_trainer.agents import Agent, MakeAgent, PolicyAgent
 from thinknav_trainer.config import ThinkConfig, TrainConfig
+from thinknav_trainer.control import ControlName
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import PlannerClient
 from thinknav_trainer.policy import Policy
@@ -67,6 +68,7 @@ class Conditions:
     num_envs: int = 16
     seed: int = 0
     clock: Clock = Clock()
+    control: ControlName = "none"
 
 
 def evaluate(
@@ -84,7 +86,8 @@ def evaluate(
     def make_agent(env: ThinkingEnv, seed: int) -> Agent:
         return PolicyAgent(Actor(policy, env.num_envs, config.ppo.precision, seed, greedy))
 
-    conditions = Conditions(config.env, config.think, config.num_envs, config.seed, clock)
+    control = config.planner.control
+    conditions = Conditions(config.env, config.think, config.num_envs, config.seed, clock, control)
     return play(make_agent, conditions, scenes, episodes, planner, interruption)
 
 
@@ -106,7 +109,8 @@ def play(
     count = min(conditions.num_envs, len(episodes))
     task = conditions.task.model_copy(update={"think_action": planner is not None})
     vector_env = ObjectNavVectorEnv(scenes, episodes, count, task, seed=conditions.seed, order="sequential")
-    env = ThinkingEnv(vector_env, conditions.think.model_copy(update={"dropout": 0.0}), planner)
+    think = conditions.think.model_copy(update={"dropout": 0.0})
+    env = ThinkingEnv(vector_env, think, planner, seed=conditions.seed, control=conditions.control)
     agent = make_agent(env, conditions.seed)
     witness = Witness(vector_env)
     records: dict[int, EpisodeRecord] = {}

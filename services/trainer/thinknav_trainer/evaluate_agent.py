@@ -69,7 +69,7 @@ def play_agent(
         raise ConfigError(f"agent {name!r} thinks, and needs a planner")
     config = setting.config
     think = config.think.model_copy(update={"strategy": "agent" if agent.thinks else "never"})
-    conditions = Conditions(config.env, think, config.num_envs, config.seed, setting.clock)
+    conditions = Conditions(config.env, think, config.num_envs, config.seed, setting.clock, config.planner.control)
     asked = planner if agent.thinks else None
     made, scenes = episodes.episodes, episodes.scenes
     records = play(agent.make, conditions, scenes, made, asked, interruption or Interruption())
@@ -81,6 +81,7 @@ def play_agent(
         "episodes": len(records),
         "clock": vars(setting.clock),
         "planner": None if asked is None else asked.info.identity,
+        "control": config.planner.control,
         "config": config.model_copy(update={"think": think}).model_dump(mode="json"),
     }
     return protocol, records

@@ -26,11 +26,13 @@ from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.asking import Asking, AskTogether
 from thinknav_trainer.config import ThinkConfig
+from thinknav_trainer.control import Control, ControlName
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.farming import farming_measures
 from thinknav_trainer.forcing import FORCED_THINK
 from thinknav_trainer.patience import Patience
 from thinknav_trainer.planner import Answer, PlannerClient, encode_frame
+from thinknav_trainer.planner.embedded import EmbeddedPlanner
 from thinknav_trainer.planner.privileged import PrivilegedPlanner
 from thinknav_trainer.planner_frames import PlannerFrames
 from thinknav_trainer.plans import Plans
@@ -104,20 +106,21 @@ class ThinkingEnv:
         asking: Callable[[PlannerClient], Asking] = AskTogether,
         discount: float = 0.99,
         seed: int = 0,
+        control: ControlName = "none",
     ) -> None:
-        """asking: how; a privileged planner has a way of its own. discount: the learner's, for reward schemes that go
-        by it. seed: of which replies are withheld.
+        """asking: how; planners in our own process have ways of their own. discount: the learner's, for reward schemes
+        that go by it. seed: of which replies are withheld, and of what controls draw. control: what is
+        told in the place of replies (`control`).
         """
         if (planner is None) != (config.strategy == "never"):
             raise ValueError(f"strategy {config.strategy!r} {'needs a' if planner is None else 'takes no'} planner")
         self.env = env
         self.counts = ThinkCounts()
         self.parked: set[int] = set()
+        if isinstance(planner, EmbeddedPlanner):  # nothing travels
+            config = config.model_copy(update={"frame_encoding": "raw"})
         self._config = config
-        if isinstance(planner, PrivilegedPlanner):
-            self._asking: Asking | None = planner.asking(env)
-        else:
-            self._asking = None if planner is None else asking(planner)
+        self._asking = None if planner is None else _asking_of(planner, env, asking)
         self._patience = Patience(config.patience)
         self._discount = discount
         self._scheme = REWARD_SCHEMES[config.reward]
@@ -136,6 +139,7 @@ class ThinkingEnv:
         self._trajectories = Trajectories(env.num_envs)
         self._round = 0  # of looking for replies, since the run began
         self.texts: dict[str, NDArray[np.float32]] = {}  # what was embedded so far
+        self._control = Control(control, self.embed, self._goal, seed)
         self._descriptions = self.embed([task_description(category) for category in GOAL_CATEGORIES])
 
     @property
@@ -196,7 +200,8 @@ class ThinkingEnv:
         if self._asking is None or not self.parked:
             return {}
         self._round += 1
-        replies = {env: self._with_plan(env, reply) for env, reply in self._asking.replies(must_wait).items()}
+        told = self._control.replace(self._asking.replies(must_wait))
+        replies = {env: self._with_plan(env, reply) for env, reply in told.items()}
         self.parked.difference_update(replies)
         answered = sum(isinstance(reply, SubgoalReply) for reply in replies.values())
         self.counts.answered += answered
@@ -387,6 +392,7 @@ class ThinkingEnv:
             "trajectories": self._trajectories.state_dict(),
             "round": self._round,
             "withholding": self._withholding.bit_generator.state,
+            "control": self._control.state_dict(),
             "parked": sorted(self.parked),
         }
 
@@ -410,8 +416,16 @@ class ThinkingEnv:
         self.counts = ThinkCounts(**state["counts"])
         self._request_number = state["request_number"]
         self._recent.load_state_dict(state["frames"])
-        # Older checkpoints lack these two: what their open episodes did until now is not known.
+        # Older checkpoints lack these three: what their open episodes did until now is not known.
         self._trajectories.load_state_dict(state.get("trajectories", [()] * self.num_envs))
         self._withholding.bit_generator.state = state.get("withholding", self._withholding.bit_generator.state)
+        self._control.load_state_dict(state.get("control", []))
         self._round = state["round"]
         self.think(np.array(state["parked"], np.int64))
+
+
+def _asking_of(planner: PlannerClient, env: ObjectNavVectorEnv, asking: Callable[[PlannerClient], Asking]) -> Asking:
+    """Whoever answers in our own process keeps nobody waiting for others: it is asked all at once."""
+    if isinstance(planner, PrivilegedPlanner):
+        return planner.asking(env)
+    return AskTogether(planner) if isinstance(planner, EmbeddedPlanner) else asking(planner)

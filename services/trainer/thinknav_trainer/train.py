@@ -218,7 +218,8 @@ def open_session(
         resume_from.require(action_space(config), embedding_space(planner))
     seed = seed_of(config.seed, workers.rank, 0 if resume_from is None else resume_from.steps)
     vector_env = ObjectNavVectorEnv(homes.scenes, homes.train, config.num_envs, config.task, seed=seed, order="random")
-    env = ThinkingEnv(vector_env, config.think, planner, _asking(config, recording), config.ppo.gamma, seed)
+    control = "none" if recording is not None else config.planner.control  # recorded replies were replaced already
+    env = ThinkingEnv(vector_env, config.think, planner, _asking(config, recording), config.ppo.gamma, seed, control)
     torch.manual_seed(config.seed)
     policy = Policy(observation_shape(config, planner), config.network)
     if planner is not None and resume_from is None:

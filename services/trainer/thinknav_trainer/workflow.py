@@ -11,6 +11,7 @@ from thinknav_trainer.episode_sets import EpisodeSet
 from thinknav_trainer.evaluate import Clock, EpisodeRecord, evaluate, write_evaluation
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import PlannerClient, PlannerError, connect, read_token
+from thinknav_trainer.planner.embedded import EmbeddedPlanner
 from thinknav_trainer.planner.privileged import PrivilegedPlanner
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.recording import Recording
@@ -42,6 +43,8 @@ def connect_if_thinking(config: TrainConfig, stack: ExitStack) -> PlannerClient 
         if config.think.strategy == "once":
             raise ConfigError("planner.url privileged makes no plans: it does not go with think.strategy once")
         return stack.enter_context(PrivilegedPlanner(where.privileged, config.seed))
+    if where.is_embedded:
+        return stack.enter_context(EmbeddedPlanner(config.seed))
     try:
         token = read_token(where.token_file)
         planner = stack.enter_context(connect(where.url, token=token, tls_ca=where.tls_ca))
@@ -116,19 +119,20 @@ def evaluate_checkpoint(
     elsewhere: EpisodeSet | None = None,
     clock: Clock = Clock(),
     when: WhenToThink = WhenToThink(),
+    control: str | None = None,
 ) -> tuple[Path, list[EpisodeRecord]]:
     """Play a split, or episodes `elsewhere`, with a checkpoint's policy: the folder of the result, and the records.
 
     when: it thinks, if otherwise than it learnt to; such results lie in `budgets/` of the run by default.
+    control: what the policy is told in the place of replies, if otherwise than in its training; in `controls/`.
     When the user interrupts, nothing is written: part of a split is biased towards short episodes.
     """
     if split not in SPLITS:
         raise ConfigError(f"there is no split {split!r}; there are {' and '.join(SPLITS)}")
     checkpoint = Checkpoint.load(path)
-    config = when.configure(parse_config(checkpoint.config).with_planner(planner_url))
+    config = when.configure(parse_config(checkpoint.config).with_planner(planner_url).with_control(control))
     where = split if elsewhere is None else elsewhere.name
-    usual = evaluation_folder(path, where) if when.as_learnt else evaluation_folder(path, where, "budgets") / when.name
-    folder = output or usual
+    folder = output or _usual_folder(path, where, when, control)
     with ExitStack() as stack:
         planner = connect_if_thinking(config, stack)
         checkpoint.require(action_space(config), embedding_space(planner))
@@ -145,12 +149,25 @@ def evaluate_checkpoint(
             "actions": "greedy" if greedy else "sampled",
             "thinking": vars(when),
             "planner": None if planner is None else planner.info.identity,
+            "control": config.planner.control,
             "privileged": isinstance(planner, PrivilegedPlanner),
             "config": config.model_dump(mode="json"),
         }
         if not interrupted.requested:
             write_evaluation(folder, protocol, records)
     return folder, records
+
+
+def _usual_folder(checkpoint: Path, where: str, when: WhenToThink, control: str | None) -> Path:
+    """Where an evaluation goes by default: what was played otherwise than it was learnt lies apart."""
+    if control is not None:
+        folder = evaluation_folder(checkpoint, where, "controls") / control
+        return folder if when.as_learnt else folder / when.name
+    return (
+        evaluation_folder(checkpoint, where)
+        if when.as_learnt
+        else evaluation_folder(checkpoint, where, "budgets") / when.name
+    )
 
 
 def evaluation_folder(checkpoint: Path, where: str, kind: str = "evaluations") -> Path:

@@ -12,6 +12,7 @@ from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_trainer.agents import AGENTS, Obedience
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.config import ConfigError, load_config, parse_config
+from thinknav_trainer.control import CONTROLS
 from thinknav_trainer.episode_sets import EpisodeSet, of_file, of_homes
 from thinknav_trainer.evaluate import Clock, EpisodeRecord, summarize, write_evaluation
 from thinknav_trainer.evaluate_agent import Setting, named_agent, play_agent
@@ -29,6 +30,10 @@ Planner = Annotated[str | None, typer.Option(help="URL of the planning service, 
 Output = Annotated[Path | None, typer.Option(help="folder of the result; default: among the run's")]
 StepSeconds = Annotated[float, typer.Option(min=1e-3, help="of a step, for SOT")]
 ThinkSeconds = Annotated[float, typer.Option(min=0, help="of a think, for SOT")]
+
+ControlOption = Annotated[
+    str | None, typer.Option("--control", metavar="|".join(CONTROLS), help="told in the place of replies")
+]
 
 _WHERE = "Which episodes"
 HomesOption = Annotated[str | None, typer.Option(help="SPLIT:FIRST-END; val:0-20 are 20 homes", rich_help_panel=_WHERE)]
@@ -74,6 +79,7 @@ Forwards = Annotated[int, typer.Option(min=1, help="steps forward for one that i
 def evaluate(
     checkpoint: CheckpointFile = None,
     planner: Planner = None,
+    control: ControlOption = None,
     output: Output = None,
     step_seconds: StepSeconds = Clock.step,
     think_seconds: ThinkSeconds = Clock.think,
@@ -112,11 +118,25 @@ def evaluate(
             if homes is not None or episodes_file is not None:
                 elsewhere = where.open(parse_config(Checkpoint.load(checkpoint).config).env)
             folder, records = evaluate_checkpoint(
-                checkpoint, split, interrupted, planner, greedy, output, elsewhere=elsewhere, clock=clock, when=when
+                checkpoint,
+                split,
+                interrupted,
+                planner,
+                greedy,
+                output,
+                elsewhere=elsewhere,
+                clock=clock,
+                when=when,
+                control=control,
             )
             title = f"episodes of {split if elsewhere is None else elsewhere.name}, {checkpoint}"
         else:
-            think = {"planner": planner, "think.context": context, "think.temperature": temperature}
+            think = {
+                "planner": planner,
+                "planner.control": control,
+                "think.context": context,
+                "think.temperature": temperature,
+            }
             given = [f"{key}={value}" for key, value in think.items() if value is not None]
             config = load_config(preset, config_file, [*(overrides or ()), *given])
             setting = Setting(config, Obedience(turns, forwards, stop_gate, looks), clock)
