@@ -226,8 +226,8 @@ HERE, THERE = "169.254.77.1", "169.254.77.2"
 
 
 @pytest.fixture
-def namespace() -> Iterator[tuple[str, str]]:
-    """The names of a network namespace that reaches this one over a pair of interfaces, and of ours of these."""
+def namespace() -> Iterator[tuple[str, str, str]]:
+    """The names of a network namespace that reaches this one over a pair of interfaces, of ours and of its own."""
     name, ours, theirs = f"thinknav-{os.getpid()}", f"tn-a{os.getpid() % 100_000}", f"tn-b{os.getpid() % 100_000}"
     steps = [
         f"ip netns add {name}",
@@ -246,17 +246,20 @@ def namespace() -> Iterator[tuple[str, str]]:
                 pytest.skip("there is no command `ip` to make network namespaces with")
             if done.returncode:
                 pytest.skip(f"network namespaces cannot be made here ({step}: {done.stderr.strip()})")
-        yield name, ours
+        yield name, ours, theirs
     finally:
         if shutil.which("ip"):
             subprocess.run(["ip", "netns", "del", name], capture_output=True, check=False)
             subprocess.run(["ip", "link", "del", ours], capture_output=True, check=False)
 
 
+@pytest.mark.parametrize("end", ["ours", "theirs"])
 def test_the_network_is_cut_between_two_namespaces(
-    start_service: StartService, tmp_path: Path, namespace: tuple[str, str]
+    start_service: StartService, tmp_path: Path, namespace: tuple[str, str, str], end: str
 ) -> None:
-    name, interface = namespace
+    """At our end the system knows that there is no way; at the other bytes vanish, and nobody is told."""
+    name, ours, theirs = namespace
+    link = ["ip", "link", "set", ours] if end == "ours" else ["ip", "-n", name, "link", "set", theirs]
     slow = ("--latency", "0.3", "--max-batch", "4")
     near = Replica(start_service, tmp_path, "near", *slow)
     prefix = ("ip", "netns", "exec", name)
@@ -268,10 +271,10 @@ def test_the_network_is_cut_between_two_namespaces(
             until(lambda: asking.all_answer({"near", "far"}))
             asked = asking.begin(16)
             time.sleep(0.2)
-            subprocess.run(["ip", "link", "set", interface, "down"], check=True)
+            subprocess.run([*link, "down"], check=True)
             assert answers_of(asked).count("near") > 16
             until(lambda: asking.all_answer({"near"}))
-            subprocess.run(["ip", "link", "set", interface, "up"], check=True)
+            subprocess.run([*link, "up"], check=True)
             until(lambda: asking.all_answer({"near", "far"}))
     finally:
         for replica in (near, far):
