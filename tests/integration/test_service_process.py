@@ -143,6 +143,31 @@ def test_a_signal_stops_it_gracefully(start_service: StartService, tmp_path: Pat
         connect(url)
 
 
+def test_while_it_stops_what_is_asked_is_answered_and_what_comes_is_refused(start_service: StartService) -> None:
+    url, process = start_service("--latency", "2", "--max-batch", "1", "--grace", "60")
+    with httpx.Client(trust_env=False, timeout=60) as client, ThreadPoolExecutor(1) as asking:
+
+        def post(index: int) -> httpx.Response:
+            files = {"frame": ("a.jpg", encode_frame(picture(index)).data)}
+            return client.post(f"{url}/v1/subgoals", data={"goal": "bed"}, files=files)
+
+        asked = asking.submit(post, 0)
+        while "\nthinknav_in_flight 1.0\n" not in client.get(f"{url}/metrics").text:
+            assert not asked.done()
+        process.send_signal(signal.SIGTERM)
+        until = time.monotonic() + STOP_TIMEOUT_S
+        while client.get(f"{url}/readyz").status_code == 200:
+            assert time.monotonic() < until
+        assert client.get(f"{url}/healthz").status_code == 200
+        refused = post(1)
+        assert not asked.done()
+        assert refused.status_code == 503
+        assert refused.json()["replies"][0]["error"]["message"] == "the service is stopping"
+        assert asked.result(STOP_TIMEOUT_S).status_code == 200
+    process.communicate(timeout=STOP_TIMEOUT_S)
+    assert process.returncode == 0
+
+
 def serve(*options: str) -> "subprocess.CompletedProcess[str]":
     command = [str(Path(sys.executable).with_name("thinknav-server")), "serve", "--planner", "scripted", *options]
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)

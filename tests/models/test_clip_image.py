@@ -1,14 +1,19 @@
 """The image half of the small CLIP, and what is nearest to a frame."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 import torch
+from PIL import Image
 
 from thinknav_models.clip import shipped_text_encoder
-from thinknav_models.clip.image import FRAME_SIZE, ClipImageEncoder, resampled
+from thinknav_models.clip.image import FRAME_SIZE, SMALL_KIND, SMALL_WEIGHTS, ClipImageEncoder, resampled
 from thinknav_models.clip.nearest import nearest, stock_sentences
 from thinknav_models.clip.text import CLIP_WEIGHTS, ClipTextEncoder
-from thinknav_models.weights import load_weights
+from thinknav_models.weights import WeightsError, load_weights, save_weights
+
+VIEWS = Path(__file__).parents[2] / "docs" / "images"  # ten frames of homes
 
 
 def frames(count: int, height: int = FRAME_SIZE, width: int = FRAME_SIZE) -> torch.Tensor:
@@ -91,3 +96,24 @@ def test_encoders_of_different_spaces_are_not_compared() -> None:
     stranger = ClipTextEncoder(weights.config, weights.tensors, "0123456789ab")
     with pytest.raises(ValueError, match="thinknav-clip@0123456789ab cannot be compared"):
         nearest(ClipImageEncoder.load(), stranger, np.zeros((128, 128, 3), np.uint8))
+
+
+def test_the_small_encoder_sees_much_the_same() -> None:
+    """What it makes of a picture is nearest to what the CLIP makes of the same one, and near."""
+    clip, small = ClipImageEncoder.load(dtype=torch.float32), ClipImageEncoder.load_small(dtype=torch.float32)
+    assert small.space == clip.space
+    assert small.revision != clip.revision
+    assert (small.frame_size, small.feature_size) == (64, clip.feature_size)
+    pictures = [np.asarray(Image.open(VIEWS / f"clip-{number}.png")) for number in range(10)]
+    views = torch.from_numpy(np.stack(pictures)[..., :3].copy())
+    cosines = clip.encode(views) @ small.encode(views).T
+    assert cosines.argmax(dim=1).tolist() == list(range(10))
+    assert cosines.diagonal().min() > 0.7
+
+
+def test_a_pupil_of_another_clip_is_refused(tmp_path: Path) -> None:
+    weights = load_weights(SMALL_WEIGHTS, SMALL_KIND)
+    path = tmp_path / "small.safetensors"
+    save_weights(path, SMALL_KIND, weights.config | {"space": "other@1"}, weights.tensors)
+    with pytest.raises(WeightsError, match=r"is the pupil of other@1, and .* holds thinknav-clip@.*train clip-small"):
+        ClipImageEncoder.load_small(path)

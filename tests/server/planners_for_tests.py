@@ -13,11 +13,13 @@ class Naughty:
     """Does what the goal says: "die", "hang", "raise", "exit", or else is good. Says its process' number.
 
     fail_while: loading fails while this file exists. loads: a file that counts how often it was loaded.
+    planned: a file that gets the goal of each item when its batch begins, a line each.
     """
 
     identity = PlannerIdentity("naughty", "r1", "none")
 
-    def __init__(self, fail_while: str = "", loads: str = "") -> None:
+    def __init__(self, fail_while: str = "", loads: str = "", planned: str = "") -> None:
+        self._planned = planned
         if fail_while and Path(fail_while).exists():
             raise ValueError(f"not while {fail_while} exists")
         if loads:
@@ -26,6 +28,9 @@ class Naughty:
 
     def plan(self, items: Sequence[PlanItem]) -> list[Plan]:
         goals = [item.goal for item in items]
+        if self._planned:
+            with Path(self._planned).open("a") as file:
+                file.write("".join(f"{goal}\n" for goal in goals))
         if "die" in goals:
             os.kill(os.getpid(), signal.SIGKILL)
         if "exit" in goals:

@@ -348,6 +348,29 @@ def test_a_client_that_asks_for_much_does_not_starve_the_others() -> None:
     run(test)
 
 
+@pytest.mark.parametrize("queue_size", [256, 20_000])
+def test_ten_requests_do_not_wait_behind_ten_thousand(queue_size: int) -> None:
+    work = GatedWork()
+
+    async def test() -> None:
+        async with batcher_of(work, max_batch=4, queue_size=queue_size) as batcher:
+            greedy = [submit(batcher, item, client="greedy") for item in range(10_000)]
+            await work.wait_until_it_works()
+            modest = [submit(batcher, item, client="modest") for item in range(10_000, 10_010)]
+            await settle()
+            work.gate.release(10_000)
+            answers = await asyncio.gather(*modest)
+            assert [answer.result for answer in answers] == [2 * item for item in range(10_000, 10_010)]
+            for task in greedy:
+                task.cancel()
+            told = await asyncio.gather(*greedy, return_exceptions=True)
+            assert {type(answer) for answer in told} <= {Batched, Overloaded, asyncio.CancelledError}
+
+    run(test)
+    ends = max(index for index, batch in enumerate(work.batches) if any(item >= 10_000 for item in batch))
+    assert ends <= 5  # one was under way, and each of the next holds as many of theirs as of the other's
+
+
 def test_a_full_queue_refuses_whoever_fills_it() -> None:
     async def test() -> None:
         work = GatedWork()

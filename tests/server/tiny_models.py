@@ -44,16 +44,18 @@ def _tokenizer(end: str) -> PreTrainedTokenizerFast:
     )
 
 
-def write_qwen3_vl(folder: Path, seed: int = 0, head_dim: int = 16, video: bool = False) -> Path:
+def write_qwen3_vl(folder: Path, seed: int = 0, head_dim: int = 16, video: bool = False, spread: float = 0.02) -> Path:
     """A Qwen3-VL of a quarter of a million parameters; 256 x 256 pixels make 64 image tokens.
 
     head_dim, video: vLLM wants heads of 32 values; transformers' own processor wants settings for videos.
+    spread: of the weights. At the usual one it says one word, whatever it is asked.
     """
     tokenizer = _tokenizer("<|im_end|>")
     number = tokenizer.convert_tokens_to_ids
     torch.manual_seed(seed)
     text = {
         "vocab_size": len(tokenizer),
+        "initializer_range": spread,
         "hidden_size": 64,
         "intermediate_size": 128,
         "num_hidden_layers": 2,
@@ -72,6 +74,7 @@ def write_qwen3_vl(folder: Path, seed: int = 0, head_dim: int = 16, video: bool 
         "bos_token_id": None,
     }
     vision = {
+        "initializer_range": spread,
         "depth": 2,
         "hidden_size": 32,
         "intermediate_size": 64,

@@ -16,7 +16,7 @@ def test_layers_override_one_another(tmp_path: Path) -> None:
     config = load_config("cpu", file, ["ppo.lr=1e-4", "think.reward=paper", "policy.channels=[1, 2, 3]"])
     assert (config.ppo.lr, config.ppo.gamma, config.total_steps) == (1e-4, 0.9, 7)
     assert (config.think.reward, config.policy.channels) == ("paper", (1, 2, 3))
-    assert config.policy.image_encoder == "clip"  # from the preset
+    assert config.policy.image_encoder == "clip-small"  # from the preset
 
 
 @pytest.mark.parametrize(

@@ -49,11 +49,11 @@ def test_frozen_weights_are_neither_trained_nor_saved() -> None:
     assert {name.split(".")[0] for name in vision.state_dict()} == {"depth", "linear", "_extra_state"}
 
 
-@pytest.mark.parametrize("kind", ["clip", "learnt"])
+@pytest.mark.parametrize("kind", ["clip", "clip-small", "learnt"])
 def test_rgb_and_depth_both_matter(kind: str) -> None:
     torch.manual_seed(0)
     vision = make_vision(48, 64, CLIP.model_copy(update={"image_encoder": kind}))
-    assert isinstance(vision, ClipVision if kind == "clip" else LearntVision)
+    assert isinstance(vision, LearntVision if kind == "learnt" else ClipVision)
     seen = observations(1)
     base = vision(vision.prepare(vision.look(seen)))
     for other in (seen | {"rgb": 255 - seen["rgb"]}, seen | {"depth": 1 - seen["depth"]}):
@@ -67,6 +67,9 @@ def test_weights_that_read_another_clip_are_refused() -> None:
     state["_extra_state"] = {"space": "other@1"}
     with pytest.raises(EmbeddingSpaceError, match=r"image encoder other@1, and here is thinknav-clip@"):
         vision.load_state_dict(state)
+    small = make_vision(48, 64, CLIP.model_copy(update={"image_encoder": "clip-small"}))
+    with pytest.raises(EmbeddingSpaceError, match=r"thinknav-clip@\w+, and here is thinknav-clip@\w+, small@"):
+        small.load_state_dict(vision.state_dict())
 
 
 def test_a_rollout_holds_what_was_looked_at_and_learns_from_it(
@@ -85,8 +88,9 @@ def test_a_rollout_holds_what_was_looked_at_and_learns_from_it(
     assert all(not torch.equal(a, b) for a, b in zip(before, policy.vision.parameters(), strict=True))
 
 
-def test_a_service_of_another_embedding_space_is_refused(smoke: TrainConfig) -> None:
-    sees = smoke.model_copy(update={"policy": smoke.policy.model_copy(update={"image_encoder": "clip"})})
+@pytest.mark.parametrize("eye", ["clip", "clip-small"])
+def test_a_service_of_another_embedding_space_is_refused(smoke: TrainConfig, eye: str) -> None:
+    sees = smoke.model_copy(update={"policy": smoke.policy.model_copy(update={"image_encoder": eye})})
     info = mock_info().model_copy(update={"embedding_space": "clip-vit-b32@0123456789ab"})
     stranger = PlannerClient(MockTransport(lambda request: "stop", info=info))
     with pytest.raises(EmbeddingSpaceError, match=r"thinknav-clip@\w+, the service's .* clip-vit-b32@0123456789ab"):

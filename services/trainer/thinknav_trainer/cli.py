@@ -37,8 +37,10 @@ from thinknav_trainer.interrupt import interruption
 from thinknav_trainer.recording import RecordingError
 from thinknav_trainer.redo import redo_dump
 from thinknav_trainer.report import write_report
+from thinknav_trainer.rewards import REWARD_SCHEMES
 from thinknav_trainer.run import RunError, read_config
 from thinknav_trainer.service_process import ServiceError
+from thinknav_trainer.strategies import STRATEGIES
 from thinknav_trainer.vision import EmbeddingSpaceError
 from thinknav_trainer.workers import WorkerLost, join_workers, own_rank, started_by_torchrun, times_restarted
 from thinknav_trainer.workflow import train_run
@@ -78,6 +80,8 @@ Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE
 Preset = Annotated[str, typer.Option(help=f"one of: {', '.join(presets())}")]
 ConfigFile = Annotated[Path | None, typer.Option("--config", help="a YAML file over the preset")]
 Planner = Annotated[str | None, typer.Option(help="URL of the planning service, over the configuration's")]
+Strategy = Annotated[str | None, typer.Option(help=f"when to think, never or: {', '.join(STRATEGIES)}")]
+Reward = Annotated[str | None, typer.Option(help=f"the reward scheme: {', '.join(REWARD_SCHEMES)}")]
 Runs = Annotated[Path, typer.Option(help="folder of all runs")]
 
 
@@ -87,6 +91,8 @@ def train(
     preset: Preset = "cpu",
     config_file: ConfigFile = None,
     overrides: Overrides = None,
+    strategy: Strategy = None,
+    reward: Reward = None,
     planner: Planner = None,
     runs: Runs = Path("runs"),
     resume: Annotated[bool, typer.Option("--resume", help="go on with the run of this name")] = False,
@@ -95,6 +101,7 @@ def train(
     """Train a policy. Needs a planning service (thinknav-server serve), but for think.strategy=never.
 
     With --resume the run's own configuration takes the place of the preset; with --replay that of the recorded run.
+    --strategy and --reward stand for --set think.strategy=… and think.reward=….
     Under torchrun several processes train one policy (docs/scaling.md), and go on by themselves where it restarts them.
     """
     if resume and replay:
@@ -102,11 +109,14 @@ def train(
     if times_restarted() > 0 and replay is None:
         resume = resume or (runs / name / "config.yaml").exists()
 
+    named = {"think.strategy": strategy, "think.reward": reward}
+    changes = [f"{key}={value}" for key, value in named.items() if value is not None] + (overrides or [])
+
     def configure() -> TrainConfig:
         if resume or replay:
-            config = change_config(read_config(replay or runs / name), config_file, overrides or ())
+            config = change_config(read_config(replay or runs / name), config_file, changes)
         else:
-            config = load_config(preset, config_file, overrides or ())
+            config = load_config(preset, config_file, changes)
         return config.with_planner(planner)
 
     with interruption() as interrupted, join_workers(configure) as (workers, config):

@@ -159,10 +159,10 @@ class ThinkConfig(Section):
 class PolicyConfig(Section):
     """The recurrent actor-critic network."""
 
-    image_encoder: Literal["clip", "learnt"] = Field(
+    image_encoder: Literal["clip", "clip-small", "learnt"] = Field(
         "learnt",
-        description="clip: the embedded CLIP sees the RGB, frozen, and small convolutions learn to see the depth; "
-        "learnt: convolutions learn to see the RGB-D",
+        description="clip: the embedded CLIP sees the RGB, frozen, in 128 x 128, and a small layer learns to see the "
+        "depth; clip-small: its pupil does, in 64 x 64; learnt: convolutions learn to see the RGB-D",
     )
     channels: tuple[int, int, int] = Field((16, 32, 32), description="learnt: channels of the convolutions")
     visual_size: int = Field(256, ge=1, description="width of the visual features")

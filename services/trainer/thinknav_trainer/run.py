@@ -9,7 +9,7 @@ import math
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, Self, TextIO
 
 import numpy as np
 import yaml
@@ -51,7 +51,7 @@ class Run:
         self._tensorboard = SummaryWriter(str(folder / "tensorboard"), purge_step=steps + 1 if steps else None)
 
     @classmethod
-    def create(cls, folder: Path, config: TrainConfig) -> "Run":
+    def create(cls, folder: Path, config: TrainConfig) -> Self:
         """Begin a new run. Raises RunError where there is one already."""
         if (folder / "config.yaml").exists():
             raise RunError(f"{folder} holds a run already; go on with --resume, or give another --name")

@@ -288,7 +288,7 @@ def embedding_space(planner: PlannerClient | None) -> str | None:
 
 def require_shared_space(config: TrainConfig, planner: PlannerClient | None) -> None:
     """Refuse a policy that sees through one CLIP and reads the thoughts of another. Raises EmbeddingSpaceError."""
-    if planner is None or config.policy.image_encoder != "clip":
+    if planner is None or config.policy.image_encoder == "learnt":
         return
     own = shipped_text_encoder().space
     if planner.info.embedding_space != str(own):

@@ -1,7 +1,7 @@
 """How a policy sees: what it keeps of a step's pictures, and the features that it makes of them.
 
-Two ways: convolutions that learn on RGB-D, or the embedded CLIP, which has learnt already and is asked once a step,
-with small convolutions that learn on depth alone. Knows nothing of what the features are for.
+Two ways: convolutions that learn on RGB-D, or the embedded CLIP (or its pupil, the small one), which has learnt already
+and is asked once a step, with a small layer that learns on depth alone. Knows nothing of what the features are for.
 """
 
 from abc import ABC, abstractmethod
@@ -45,6 +45,8 @@ def make_vision(height: int, width: int, config: PolicyConfig) -> Vision:
     """The way of seeing that a configuration asks for. Raises WeightsError when the CLIP cannot be read."""
     if config.image_encoder == "clip":
         return ClipVision(ClipImageEncoder.load(), config.visual_size)
+    if config.image_encoder == "clip-small":
+        return ClipVision(ClipImageEncoder.load_small(), config.visual_size)
     return LearntVision(height, width, config.channels, config.visual_size)
 
 
@@ -84,16 +86,22 @@ class ClipVision(Vision):
         return features
 
     def get_extra_state(self) -> dict[str, str]:
-        """Which CLIP the weights have learnt to read."""
-        return {"space": str(self._encoder.space)}
+        """Which image encoder the weights have learnt to read."""
+        return {"space": _named(self._encoder)}
 
     def set_extra_state(self, state: Mapping[str, str]) -> None:
-        """Raises EmbeddingSpaceError for weights that have learnt to read another CLIP."""
-        if state["space"] != str(self._encoder.space):
+        """Raises EmbeddingSpaceError for weights that have learnt to read another one."""
+        if state["space"] != _named(self._encoder):
             raise EmbeddingSpaceError(
                 f"the policy has learnt to see through the image encoder {state['space']}, and here is "
-                f"{self._encoder.space}; use the ThinkNav that it was trained with"
+                f"{_named(self._encoder)}; use the ThinkNav that it was trained with"
             )
+
+
+def _named(encoder: ClipImageEncoder) -> str:
+    """The embedding space, and the image encoder's own weights where they are not those that made the space."""
+    space = str(encoder.space)
+    return space if encoder.space.revision == encoder.revision else f"{space}, small@{encoder.revision}"
 
 
 class LearntVision(Vision):

@@ -93,10 +93,14 @@ def serve(
 def check(
     planner: PlannerOptions,
     process: ProcessSettings,
+    _config: SettingsFile = None,
     goal: Annotated[str, typer.Option(help="What to ask the way to.")] = "chair",
     image: Annotated[Path | None, typer.Option(help="JPEG or PNG file to show; a painted one without.")] = None,
 ) -> None:
-    """Load the planner, ask it about one frame twice, and print the time of each stage."""
+    """Load the planner, ask it about one frame twice, and print the time of each stage.
+
+    A settings file of `serve` will do: what only that understands is passed over.
+    """
     configure_logs(process.log_level, process.log_format)
     try:
         for stage in check_planner(partial(_host, planner, process), goal, image):

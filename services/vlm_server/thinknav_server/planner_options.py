@@ -24,6 +24,14 @@ _OPENAI = OpenAIOptions()
 _PROCESS = ProcessSettings()
 
 
+class Decode(StrEnum):
+    """What a word of Qwen3-VL is generated over: `qwen_decoding` says more."""
+
+    DYNAMIC = "dynamic"
+    STATIC = "static"
+    COMPILED = "compiled"
+
+
 class TextEncoderName(StrEnum):
     """The text encoders that can be served."""
 
@@ -36,6 +44,15 @@ def vlm_options(
         str, typer.Option(help="qwen3-vl: a folder, or a name on the Hugging Face hub; any size.")
     ] = _QWEN.model,
     device: Annotated[str, typer.Option(help="qwen3-vl: auto, cpu, cuda or cuda:1.")] = _QWEN.device,
+    decode: Annotated[
+        Decode,
+        typer.Option(
+            help="qwen3-vl: over a cache that grows, one of fixed size, or compiled (CUDA; loads for minutes)."
+        ),
+    ] = Decode.DYNAMIC,
+    decode_rows: Annotated[
+        int, typer.Option(min=1, help="qwen3-vl: requests generated at once, over a cache of fixed size.")
+    ] = _QWEN.decode_rows,
     upstream_url: Annotated[str, typer.Option(help="openai: the server, up to and with /v1.")] = _OPENAI.url,
     upstream_model: Annotated[
         str, typer.Option(help="openai: one that it serves; none takes the only one.")
@@ -58,7 +75,14 @@ def vlm_options(
     ] = _QWEN.max_new_tokens,
 ) -> tuple[QwenOptions, OpenAIOptions]:
     """The vision-language models: one that is loaded, and one that somebody else serves."""
-    qwen = QwenOptions(model=model, device=device, max_new_tokens=max_new_tokens, prompt=prompt)
+    qwen = QwenOptions(
+        model=model,
+        device=device,
+        decode=decode.value,
+        decode_rows=decode_rows,
+        max_new_tokens=max_new_tokens,
+        prompt=prompt,
+    )
     openai = OpenAIOptions(
         url=upstream_url,
         model=upstream_model,

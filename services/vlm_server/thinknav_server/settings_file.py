@@ -7,8 +7,9 @@ another command of `thinknav-server` understands is passed over.
 """
 
 import difflib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 import yaml
@@ -41,14 +42,18 @@ def _read(context: typer.Context, path: Path | None) -> Path | None:
 
 def _options(context: typer.Context) -> dict[str, bool]:
     """The names of the options of all commands, and whether each may be given several times."""
-    group = context.parent.command if context.parent else context.command
-    commands = [context.command, *getattr(group, "commands", {}).values()]
     return {
         parameter.name: getattr(parameter, "multiple", False)
-        for command in commands
-        for parameter in command.params
+        for parameter in _parameters(context.find_root().command)
         if parameter.name and parameter.name != "_config"
     }
+
+
+def _parameters(command: Any) -> Iterator[Any]:
+    """Of a command, and of all below it."""
+    yield from command.params
+    for below in getattr(command, "commands", {}).values():
+        yield from _parameters(below)
 
 
 SettingsFile = Annotated[

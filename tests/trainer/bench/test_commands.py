@@ -8,10 +8,9 @@ from thinknav_sim.homes import generate_home
 from thinknav_sim.render import Renderer
 from thinknav_sim.scene import Scene
 from thinknav_trainer.bench import simulator
-from thinknav_trainer.bench.memory import resident_mb
+from thinknav_trainer.bench.memory import growth, resident_mb
 from thinknav_trainer.bench.miniworld import MiniWorld
 from thinknav_trainer.bench.peer import PeerMissing
-from thinknav_trainer.bench.soak import Sample, growth
 from thinknav_trainer.bench.stepping import RandomWalkers
 
 
@@ -49,12 +48,8 @@ def test_resident_memory_grows_with_what_is_held() -> None:
     assert 40 < resident_mb() - before < 70
 
 
-def samples(*megabytes: float) -> list[Sample]:
-    return [Sample(float(second), size, 4 * second) for second, size in enumerate(megabytes)]
-
-
 def test_growth_leaves_out_the_warm_up() -> None:
-    assert growth(samples(100, 300, 400, 400, 400, 400, 400, 400)) == 0.0
-    assert growth(samples(100, 300, 400, 400, 400, 500, 500, 500)) == pytest.approx(0.25)
-    with pytest.raises(ValueError, match="soak for longer"):
-        growth(samples(1, 2, 3))
+    assert growth([100, 300, 400, 400, 400, 400, 400, 400]) == 0.0
+    assert growth([100, 300, 400, 400, 400, 500, 500, 500]) == pytest.approx(0.25)
+    with pytest.raises(ValueError, match="go on for longer"):
+        growth([1, 2, 3])

@@ -12,6 +12,7 @@ from thinknav_trainer.config import ConfigError
 from thinknav_trainer.interrupt import Interruption, interruption
 
 CLIP_BATCHES = 1_800
+CLIP_SMALL_BATCHES = 1_000
 SUBGOAL_VISITS = 6_000
 MOST_HOMES = 100_000
 DEFAULT_OUTPUT = Path("runs/models")
@@ -35,6 +36,10 @@ def train_all(context: typer.Context) -> None:
         with interruption() as interrupted:
             _make_clip(DEFAULT_OUTPUT, DEFAULT_OUTPUT / "clip-training", CLIP_BATCHES, [], 0, interrupted)
             if not interrupted.requested:
+                _make_clip_small(
+                    DEFAULT_OUTPUT, DEFAULT_OUTPUT / "clip-small-training", CLIP_SMALL_BATCHES, 0, interrupted
+                )
+            if not interrupted.requested:
                 _make_subgoal(DEFAULT_OUTPUT, SUBGOAL_VISITS, MOST_HOMES, [], 0, interrupted)
         raise typer.Exit(interrupted.exit_code)
 
@@ -53,6 +58,22 @@ def train_clip(
     """
     with interruption() as interrupted:
         _make_clip(output, checkpoints, batches, scans or [], seed, interrupted)
+    raise typer.Exit(interrupted.exit_code)
+
+
+@train_app.command("clip-small")
+def train_clip_small(
+    output: Output = DEFAULT_OUTPUT,
+    checkpoints: Annotated[Path, typer.Option(help="folder to go on from")] = DEFAULT_OUTPUT / "clip-small-training",
+    batches: Annotated[int, typer.Option(min=1, help="of the whole training")] = CLIP_SMALL_BATCHES,
+    seed: Seed = 0,
+) -> None:
+    """Teach the small image encoder what the shipped CLIP sees: write OUTPUT/clip_small.safetensors and its card.
+
+    It saves as it goes, and the same command goes on where it was stopped.
+    """
+    with interruption() as interrupted:
+        _make_clip_small(output, checkpoints, batches, seed, interrupted)
     raise typer.Exit(interrupted.exit_code)
 
 
@@ -82,6 +103,15 @@ def _make_clip(
     _check_folder(output)
     command = _command("clip", f"--batches {batches}", scans, seed)
     _tell(train_and_describe(output, checkpoints, ClipTraining(batches), scans, command, interrupted, seed=seed))
+
+
+def _make_clip_small(output: Path, checkpoints: Path, batches: int, seed: int, interrupted: Interruption) -> None:
+    from thinknav_trainer.model_training.clip_small import SmallTraining
+    from thinknav_trainer.model_training.clip_small_workflow import train_and_describe
+
+    _check_folder(output)
+    command = _command("clip-small", f"--batches {batches}", [], seed)
+    _tell(train_and_describe(output, checkpoints, SmallTraining(batches), command, interrupted, seed=seed))
 
 
 def _make_subgoal(
@@ -138,6 +168,19 @@ def evaluate_clip(
     if examples is not None:
         written = write_examples(examples, weights, scans or (), homes)
         console.print(f"examples: {written}", soft_wrap=True, markup=False)
+
+
+@evaluate_app.command("clip-small")
+def evaluate_clip_small(
+    weights: Annotated[Path | None, typer.Option(help="of a small image encoder; default: the shipped ones")] = None,
+    homes: Annotated[int, typer.Option(min=1, help="validation homes to take frames of")] = 50,
+) -> None:
+    """Print how well the small image encoder retrieves in frames of 64 by 64, with its controls."""
+    from thinknav_models.clip.image import SMALL_WEIGHTS
+    from thinknav_trainer.model_training.clip_card import table
+    from thinknav_trainer.model_training.clip_small_workflow import evaluate_small
+
+    Console().print(table(evaluate_small(weights or SMALL_WEIGHTS, homes)), soft_wrap=True, markup=False)
 
 
 @evaluate_app.command("subgoal")

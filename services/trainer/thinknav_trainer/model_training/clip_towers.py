@@ -59,20 +59,18 @@ class Convolution(nn.Module):
         return weight, bias
 
 
-class ImageTower(nn.Module):
-    """Frames (N, 128, 128, 3) uint8 or float to embeddings (N, 512), not yet of length 1."""
+class Convolutions(nn.Module):
+    """Frames (N, H, W, 3) uint8 or float to channels of cells (N, C, 4, 4). layers: channels and stride of each."""
 
-    def __init__(self) -> None:
+    def __init__(self, stem: int, layers: Sequence[tuple[int, int]]) -> None:
         super().__init__()
-        channels = STEM_CHANNELS
-        layers = [Convolution(3, channels, STEM_STRIDE, STEM_KERNEL, STEM_PADDING)]
-        for outputs, stride in LAYERS:
-            layers.append(Convolution(channels, outputs, stride))
-            channels = outputs
-        self.layers = nn.ModuleList(layers)
-        self.squeeze = nn.Conv2d(channels, CELL_FEATURES, 1, bias=False)
-        self.standardize = nn.BatchNorm2d(CELL_FEATURES, affine=False)
-        self.projection = nn.Linear(CELL_FEATURES * CELLS * CELLS, DIMENSION)
+        self.sizes = tuple(layers)
+        self.channels = stem
+        built = [Convolution(3, stem, STEM_STRIDE, STEM_KERNEL, STEM_PADDING)]
+        for outputs, stride in layers:
+            built.append(Convolution(self.channels, outputs, stride))
+            self.channels = outputs
+        self.layers = nn.ModuleList(built)
 
     def forward(self, frames: Tensor) -> Tensor:
         # Half as many bits hold a pixel's 256 values as well.
@@ -80,18 +78,39 @@ class ImageTower(nn.Module):
         x = x.mul_(1 / PIXEL_RANGE).permute(0, 3, 1, 2)
         for layer in self.layers:
             x = layer(x)
-        embeddings: Tensor = self.projection(self.standardize(self.squeeze(x)).flatten(1))
-        return embeddings
+        return x
 
     @torch.no_grad()
-    def export(self) -> tuple[dict[str, Any], Tensors]:
-        """Configuration and tensors of `ClipImageEncoder`."""
+    def export(self) -> Tensors:
+        """The tensors of `ClipImageEncoder`'s convolutions but the last."""
         tensors: Tensors = {}
         for index, layer in enumerate(self.layers):
             assert isinstance(layer, Convolution)
             weight, bias = layer.folded()
             tensors[f"image.{index}.weight"] = (weight / PIXEL_RANGE if index == 0 else weight).numpy()
             tensors[f"image.{index}.bias"] = bias.numpy()
+        return tensors
+
+
+class ImageTower(nn.Module):
+    """Frames (N, 128, 128, 3) uint8 or float to embeddings (N, 512), not yet of length 1."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.convolutions = Convolutions(STEM_CHANNELS, LAYERS)
+        self.squeeze = nn.Conv2d(self.convolutions.channels, CELL_FEATURES, 1, bias=False)
+        self.standardize = nn.BatchNorm2d(CELL_FEATURES, affine=False)
+        self.projection = nn.Linear(CELL_FEATURES * CELLS * CELLS, DIMENSION)
+
+    def forward(self, frames: Tensor) -> Tensor:
+        x = self.convolutions(frames)
+        embeddings: Tensor = self.projection(self.standardize(self.squeeze(x)).flatten(1))
+        return embeddings
+
+    @torch.no_grad()
+    def export(self) -> tuple[dict[str, Any], Tensors]:
+        """Configuration and tensors of `ClipImageEncoder`."""
+        tensors = self.convolutions.export()
         variance, mean = self.standardize.running_var, self.standardize.running_mean
         assert variance is not None
         assert mean is not None
@@ -100,7 +119,7 @@ class ImageTower(nn.Module):
         tensors["image.squeeze.bias"] = (-mean * scale).numpy()
         tensors["image.projection"] = self.projection.weight.T.numpy()
         tensors["image.offset"] = self.projection.bias.numpy()
-        return {"layers": [list(layer) for layer in LAYERS]}, tensors
+        return {"layers": [list(layer) for layer in self.convolutions.sizes]}, tensors
 
 
 class TextLayer(nn.Module):

@@ -71,13 +71,15 @@ def evaluate_weights(
     return evaluate_clip(image_encoder, text_encoder, frames), direction_gap(text_encoder.encode)
 
 
-def evaluation_plan(scans: Sequence[Path] = (), homes: int = EVALUATION_HOMES) -> FramePlan:
-    """FRAMES frames of validation homes, or of scans."""
+def evaluation_plan(
+    scans: Sequence[Path] = (), homes: int = EVALUATION_HOMES, task: ObjectNavConfig = ObjectNavConfig()
+) -> FramePlan:
+    """FRAMES frames of validation homes, or of scans. task: the size of its pictures counts."""
     source: SceneSource = ScanSource(tuple(scans)) if scans else HomeSource("val")
     count = len(scans) or homes
     return FramePlan(
         source,
-        ObjectNavConfig(),
+        task,
         seed=EVALUATION_SEED,
         scenes_per_batch=count,
         frames_per_scene=-(-FRAMES // count),

@@ -4,6 +4,7 @@ A batch mixes some homes; from batch to batch they give way to new ones. Knows n
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -97,10 +98,7 @@ class FrameMaker:
 
     def batch(self, index: int) -> Frames:
         """Frames number `index`. Raises SceneError for a scene nobody can stand in."""
-        first = index // self.plan.batches_per_scene
-        wanted = range(first, first + self.plan.scenes_per_batch)
-        for number in [number for number in self._open if number not in wanted]:
-            self._renderer.remove_scene(self._open.pop(number)[2])
+        wanted = self._scenes(index)
         parts = [self._frames(number, np.random.default_rng((self.plan.seed, index, number))) for number in wanted]
         return Frames(
             np.concatenate([rgb for rgb, _ in parts]),
@@ -108,13 +106,36 @@ class FrameMaker:
             np.repeat(np.array(wanted), self.plan.frames_per_scene),
         )
 
-    def _frames(self, number: int, rng: np.random.Generator) -> tuple[NDArray[np.uint8], list[Scenery]]:
+    def sizes(self, index: int, sizes: Sequence[int]) -> list[NDArray[np.uint8]]:
+        """The pictures of batch number `index` in several sizes, not mirrored: (N, size, size, 3) uint8 of each."""
+        task = self.plan.task
+        cameras = [Camera(size, size, task.hfov, task.camera_height) for size in sizes]
+        parts: list[list[NDArray[np.uint8]]] = [[] for _ in sizes]
+        for number in self._scenes(index):
+            _, scene_id, poses = self._poses(number, np.random.default_rng((self.plan.seed, index, number)))
+            for part, camera in zip(parts, cameras, strict=True):
+                part.append(self._renderer.render(np.full(len(poses), scene_id), poses, camera)[0])
+        return [np.concatenate(part) for part in parts]
+
+    def _scenes(self, index: int) -> range:
+        """The numbers of the scenes of a batch; others are closed."""
+        first = index // self.plan.batches_per_scene
+        wanted = range(first, first + self.plan.scenes_per_batch)
+        for number in [number for number in self._open if number not in wanted]:
+            self._renderer.remove_scene(self._open.pop(number)[2])
+        return wanted
+
+    def _poses(self, number: int, rng: np.random.Generator) -> tuple[Scene, int, NDArray[np.float64]]:
+        """A scene, its number in the renderer, and poses in it."""
         if number not in self._open:
             scene = self.plan.source.scene(number)
             grid = make_grid(scene, self._renderer, self.plan.task)
             self._open[number] = (scene, grid, self._renderer.add_scene(scene))
         scene, grid, scene_id = self._open[number]
-        poses = random_poses(scene, grid, rng, self.plan.frames_per_scene)
+        return scene, scene_id, random_poses(scene, grid, rng, self.plan.frames_per_scene)
+
+    def _frames(self, number: int, rng: np.random.Generator) -> tuple[NDArray[np.uint8], list[Scenery]]:
+        scene, scene_id, poses = self._poses(number, rng)
         rgb, depth = self._renderer.render(np.full(len(poses), scene_id), poses, self.camera)
         seen = scenery(scene, poses, depth[..., 0], self.camera)
         if self.plan.mirror and rng.random() < 0.5:

@@ -45,11 +45,15 @@ class ScriptedOptions(_Options):
 class QwenOptions(_Options):
     """model: a folder, or a name on the Hugging Face hub. device: "auto" takes CUDA where there is one.
     max_new_tokens: of one instruction. prompt: YAML file with other words than the built-in ones.
+    decode: over which cache words are generated, and whether compiled. decode_rows: requests generated at once, where
+    that is not "dynamic".
     """
 
     model: str = "Qwen/Qwen3-VL-2B-Instruct"
     device: str = "auto"
     max_new_tokens: Annotated[int, Field(ge=1)] = 24
+    decode: Literal["dynamic", "static", "compiled"] = "dynamic"
+    decode_rows: Annotated[int, Field(ge=1)] = 64
     prompt: Path | None = None
 
 

@@ -18,6 +18,7 @@ from thinknav_proto import PlannerError
 from thinknav_server.planners.base import Plan, PlanItem, PlannerIdentity
 from thinknav_server.planners.options import QwenOptions
 from thinknav_server.planners.prompt import PLAN_LENGTH, load_prompt, plan_from_text
+from thinknav_server.planners.qwen_decoding import Decoder
 from thinknav_server.planners.qwen_patches import PatchMaker
 from thinknav_server.planners.snapshot import find_snapshot, model_name, revision_of
 
@@ -49,10 +50,12 @@ class Qwen3VLPlanner:
         except (OSError, ValueError, KeyError) as error:
             raise ValueError(f"{snapshot} holds no Qwen3-VL model that can be used: {error}") from error
         self._model = model.to(self._device).eval()
+        self._decoder = Decoder(self._model, options.decode, options.decode_rows)
         self._identity = PlannerIdentity(
             f"qwen3-vl/{model_name(options.model)}", revision_of(snapshot), self._prompt.hash
         )
-        self.plan([PlanItem(np.zeros((_SIZE, _SIZE, 3), np.uint8), "chair")])  # so that nobody waits for kernels
+        for size in self._decoder.warm_up_sizes:  # so that nobody waits for kernels
+            self.plan([PlanItem(np.zeros((_SIZE, _SIZE, 3), np.uint8), "chair")] * size)
         logger.info("%s is on %s in %s", snapshot, self._device, dtype)
 
     @property
@@ -85,7 +88,8 @@ class Qwen3VLPlanner:
                     content += _IMAGE_MARK.replace(_IMAGE_TOKEN, _IMAGE_TOKEN * tokens)
             system = _TURN.format(role="system", content=_without_marks(self._prompt.system))
             texts.append(system + _TURN.format(role="user", content=content) + "<|im_start|>assistant\n")
-        tokenized = self._tokenizer(texts, padding=True, return_tensors="pt")
+        multiple = self._decoder.prompt_multiple
+        tokenized = self._tokenizer(texts, padding=True, pad_to_multiple_of=multiple, return_tensors="pt")
         ids = tokenized["input_ids"].to(self._device)
         image_token = self._tokenizer.convert_tokens_to_ids(_IMAGE_TOKEN)
         return {
@@ -102,14 +106,13 @@ class Qwen3VLPlanner:
         logits: Tensor = self._model(**self.encode(items)).logits[:, -1]
         return logits
 
-    @torch.inference_mode()
     def _generate(self, items: Sequence[PlanItem], temperature: float, max_new_tokens: int) -> list[str]:
-        inputs = self.encode(items)
         # The checkpoint's own top-k and top-p hold for sampling, and must not be named without it.
         sampling = {"do_sample": True, "temperature": temperature} if temperature > 0 else _GREEDY
-        generated = self._model.generate(**inputs, max_new_tokens=max_new_tokens, **sampling)
-        new = generated[:, inputs["input_ids"].shape[1] :]
-        texts: list[str] = self._tokenizer.batch_decode(new, skip_special_tokens=True)
+        texts: list[str] = []
+        for part in self._decoder.parts(items):
+            new = self._decoder.generate(self.encode(part.items), max_new_tokens, sampling)
+            texts += self._tokenizer.batch_decode(new[: part.wanted], skip_special_tokens=True)
         return texts
 
 
