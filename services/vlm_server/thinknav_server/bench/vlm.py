@@ -128,6 +128,7 @@ def _served(
     command += ["--decode", options.decode, "--decode-rows", str(options.decode_rows)]
     command += ["--max-new-tokens", str(WORDS), "--max-batch", str(setup.max_batch), "--cache-size", "0"]
     command += ["--queue-size", str(2 * max(setup.clients)), "--log-level", "warning"]
+    command += ["--load-limit", str(_START_S)]
     with service_with(command, patience=_START_S) as (url, _):
         requests = our_requests(url, frames)
         for clients in setup.clients:
