@@ -144,7 +144,7 @@ def test_a_signal_stops_it_gracefully(start_service: StartService, tmp_path: Pat
 
 
 def test_while_it_stops_what_is_asked_is_answered_and_what_comes_is_refused(start_service: StartService) -> None:
-    url, process = start_service("--latency", "2", "--max-batch", "1", "--grace", "60")
+    url, process = start_service("--latency", "8", "--max-batch", "1", "--grace", "60")
     with httpx.Client(trust_env=False, timeout=60) as client, ThreadPoolExecutor(1) as asking:
 
         def post(index: int) -> httpx.Response:

@@ -51,25 +51,25 @@ def static(checkpoint: Path) -> Qwen3VLPlanner:
 
 @pytest.mark.parametrize("count", [1, 3, 5])
 def test_a_cache_of_fixed_size_changes_no_word(dynamic: Qwen3VLPlanner, static: Qwen3VLPlanner, count: int) -> None:
-    expected = words(dynamic, dynamic._decoder, ITEMS[:count])
+    expected = words(dynamic, dynamic.decoder, ITEMS[:count])
     assert len(expected) == count
     assert len({tuple(row) for row in expected}) == count, "a test that could not tell them apart"
     for _ in range(2):  # the second time over the same cache
-        assert words(static, static._decoder, ITEMS[:count]) == expected
+        assert words(static, static.decoder, ITEMS[:count]) == expected
     assert str(static.plan(ITEMS[:count])) == str(dynamic.plan(ITEMS[:count]))
 
 
 def test_prompts_and_batches_have_few_shapes(static: Qwen3VLPlanner) -> None:
-    parts = list(static._decoder.parts(ITEMS * 2))
+    parts = list(static.decoder.parts(ITEMS * 2))
     assert [(len(part.items), part.wanted) for part in parts] == [(4, 4), (4, 4), (2, 2)]
-    assert [(len(p.items), p.wanted) for p in static._decoder.parts(ITEMS[:3])] == [(4, 3)]
+    assert [(len(p.items), p.wanted) for p in static.decoder.parts(ITEMS[:3])] == [(4, 3)]
     inputs = static.encode(parts[0].items)
     assert inputs["input_ids"].shape[1] % 64 == 0
     assert len(set(inputs["attention_mask"].sum(1).tolist())) > 1
 
 
 def test_caches_are_used_again_and_bounded(static: Qwen3VLPlanner) -> None:
-    decoder = static._decoder
+    decoder = static.decoder
     first = decoder._cache(4, 128)
     for length in range(200, 220):
         decoder._cache(4, length)
@@ -81,13 +81,13 @@ def test_compiled_words_are_the_same(dynamic: Qwen3VLPlanner, static: Qwen3VLPla
     """By dynamo alone, without the compiler behind it, which takes minutes."""
     config = CompileConfig(backend="eager", mode=None)
     config._compile_all_devices = True
-    decoder = Decoder(static._model, "compiled", 4, config)
+    decoder = Decoder(static.model, "compiled", 4, config)
     torch._dynamo.utils.counters.clear()
-    assert words(static, decoder, ITEMS[:4]) == words(dynamic, dynamic._decoder, ITEMS[:4])
+    assert words(static, decoder, ITEMS[:4]) == words(dynamic, dynamic.decoder, ITEMS[:4])
     counters = torch._dynamo.utils.counters
     assert counters["stats"]["unique_graphs"] == 1
     assert not counters["graph_break"]
-    assert words(static, decoder, ITEMS[1:4]) == words(dynamic, dynamic._decoder, ITEMS[1:4])  # three, filled up
+    assert words(static, decoder, ITEMS[1:4]) == words(dynamic, dynamic.decoder, ITEMS[1:4])  # three, filled up
     assert counters["stats"]["unique_graphs"] == 1
     torch._dynamo.reset()
 
@@ -95,4 +95,4 @@ def test_compiled_words_are_the_same(dynamic: Qwen3VLPlanner, static: Qwen3VLPla
 def test_compiling_is_refused_where_it_does_not_pay(checkpoint: Path, static: Qwen3VLPlanner) -> None:
     with pytest.raises(ValueError, match="compiled pays on CUDA alone, and the model is on cpu"):
         planner_of(checkpoint, decode="compiled")
-    assert Decoder(static._model, "compiled", 48, CompileConfig()).warm_up_sizes == [1, 2, 4, 8, 16, 32, 64]
+    assert Decoder(static.model, "compiled", 48, CompileConfig()).warm_up_sizes == [1, 2, 4, 8, 16, 32, 64]

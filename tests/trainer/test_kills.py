@@ -93,10 +93,11 @@ def test_in_lock_step_it_is_the_same_run(
         assert (whole / f"{log}.jsonl").read_text() == (killed / f"{log}.jsonl").read_text(), log
 
 
+@pytest.mark.parametrize("beside", ["learn_beside=false", "learn_beside=true"])
 def test_without_waiting_nothing_is_lost_and_nothing_counts_twice(
-    kill: Callable[[TrainConfig, float], tuple[Path, Path]], smoke: TrainConfig
+    kill: Callable[[TrainConfig, float], tuple[Path, Path]], smoke: TrainConfig, beside: str
 ) -> None:
-    _, killed = kill(change_config(smoke, overrides=["deterministic=false", *OVERRIDES]), 0.01)
+    _, killed = kill(change_config(smoke, overrides=["deterministic=false", beside, *OVERRIDES]), 0.01)
     last = Checkpoint.load(list_checkpoints(killed)[-1])
     metrics = read_metrics(killed)
     steps = [row["steps"] for row in metrics]

@@ -39,9 +39,20 @@ def trained(folder: Path, config: TrainConfig, homes: Homes, replay: Path | None
         return Checkpoint.load(train(run, homes, planner, Interruption(), recording=recording))
 
 
-@pytest.mark.parametrize("strategy", ["agent", "once"])
-def test_a_replay_equals_what_was_recorded(tmp_path: Path, smoke: TrainConfig, homes: Homes, strategy: str) -> None:
-    overrides = ["deterministic=false", "policy.stop_bias=-1", f"think.strategy={strategy}", "think.reward=paper"]
+@pytest.mark.parametrize(
+    ("strategy", "beside"),
+    [("agent", "learn_beside=false"), ("once", "learn_beside=false"), ("agent", "learn_beside=true")],
+)
+def test_a_replay_equals_what_was_recorded(
+    tmp_path: Path, smoke: TrainConfig, homes: Homes, strategy: str, beside: str
+) -> None:
+    overrides = [
+        "deterministic=false",
+        beside,
+        "policy.stop_bias=-1",
+        f"think.strategy={strategy}",
+        "think.reward=paper",
+    ]
     overrides += ["think.dropout=0.3"] if strategy == "agent" else []
     config = change_config(smoke, overrides=[*overrides, "policy.think_bias=1", "ppo.precision=float32"])
     recorded = trained(tmp_path / "recorded", config, homes)

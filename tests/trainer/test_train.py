@@ -86,12 +86,14 @@ def test_a_run_that_does_not_wait_counts_each_step_and_thought_once(
     tmp_path: Path, smoke: TrainConfig, homes: Homes
 ) -> None:
     """Stopped while thoughts were under way, and resumed."""
-    config = change_config(smoke, overrides=["deterministic=false", *FLOAT32, "policy.think_bias=2"])
+    config = change_config(
+        smoke, overrides=["deterministic=false", *FLOAT32, "policy.think_bias=2", "think.deadline=600"]
+    )
     first_ended = threading.Event()
 
     def answer(request: SubgoalRequest) -> str:
         if request.request_id == "3":
-            first_ended.wait(60)
+            first_ended.wait(300)
         return "turn left"
 
     slow = PlannerClient(MockTransport(answer, latency=0.005))

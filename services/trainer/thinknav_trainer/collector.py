@@ -39,11 +39,18 @@ class Collector:
     recent: the episodes that ended last. thoughts: those of the last rollout. stopwatch: where the time went.
     """
 
-    def __init__(self, env: ThinkingEnv, actor: Actor, config: PPOConfig, workers: Workers = Lone()) -> None:
+    def __init__(
+        self,
+        env: ThinkingEnv,
+        actor: Actor,
+        config: PPOConfig,
+        workers: Workers = Lone(),
+        stopwatch: Stopwatch | None = None,
+    ) -> None:
         self.recent: deque[EpisodeEnd] = deque(maxlen=RECENT_EPISODES)
         self.episodes_ended = 0
         self.thoughts: list[Thought] = []
-        self.stopwatch = Stopwatch()
+        self.stopwatch = stopwatch or Stopwatch()
         self._env = env
         self._actor = actor
         self._config = config

@@ -248,6 +248,11 @@ class TrainConfig(Section):
         description="wait for every reply before anyone moves on: slower, and the same numbers every time; "
         "false: who waits for the planner holds nobody up",
     )
+    learn_beside: bool = Field(
+        False,
+        description="learn from a rollout while the next one is collected, by the policy from before: for two cores or "
+        "more (docs/training.md); not with deterministic, nor with several workers",
+    )
     checkpoint_every: int = Field(20_000, ge=1, description="environment steps between checkpoints")
     keep_checkpoints: int = Field(3, ge=1, description="how many are kept")
     scenes: ScenesConfig = ScenesConfig()

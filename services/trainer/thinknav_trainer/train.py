@@ -28,6 +28,7 @@ from thinknav_trainer.config import TrainConfig
 from thinknav_trainer.dumps import NotFinite, TrainingDiverged
 from thinknav_trainer.evaluate import evaluate
 from thinknav_trainer.interrupt import Interruption
+from thinknav_trainer.learning import Beside, InTurn, Learning
 from thinknav_trainer.planner import PlannerClient
 from thinknav_trainer.policy import ObservationShape, Policy
 from thinknav_trainer.ppo import PPO
@@ -40,6 +41,7 @@ from thinknav_trainer.summary import share_of, summarize
 from thinknav_trainer.think_price import ThinkPrice
 from thinknav_trainer.thinking import ThinkingEnv
 from thinknav_trainer.thought_scale import centre_and_scale, typical_sentences
+from thinknav_trainer.timing import Stopwatch
 from thinknav_trainer.vision import EmbeddingSpaceError
 from thinknav_trainer.warm_start import Cloner, Demonstrations
 from thinknav_trainer.workers import Lone, Workers, any_of, seed_of
@@ -59,6 +61,7 @@ class Session:
 
     env: ThinkingEnv
     learner: PPO
+    learning: Learning
     actor: Actor
     collector: Collector
     price: ThinkPrice
@@ -100,6 +103,7 @@ def train(
             metrics = log_update(session, run, learnt, transitions)
             bar.update(session.steps, f"success {metrics.get('success', 0):.2f}")
             if session.steps >= due:
+                session.learning.settle(remaining(session, config))
                 validate(session, run, homes, interruption)
                 run.checkpoint(snapshot(session, config))
                 due = session.steps + config.checkpoint_every
@@ -107,20 +111,24 @@ def train(
             if config.max_minutes is not None and any_of(workers, minutes >= config.max_minutes):
                 logger.info("max_minutes is over after %d steps", session.steps)
                 break
+    session.learning.settle(remaining(session, config))
     return run.checkpoint(snapshot(session, config))
 
 
+def remaining(session: Session, config: TrainConfig) -> float:
+    """Share of the run that is left."""
+    return 1 - session.steps / config.total_steps
+
+
 def improve(session: Session, run: Run | RunElsewhere) -> tuple[dict[str, float], int]:
-    """Collect once and learn from it: what to log of that, and this worker's number of transitions.
+    """Collect once and learn once: what to log of that, and this worker's number of transitions.
 
     Raises TrainingDiverged.
     """
     session.env.share = session.steps / run.config.total_steps
     session.env.price = session.price.now
     try:
-        rollout = session.collector.collect()
-        with session.collector.stopwatch("learn"):
-            losses = session.learner.update(rollout, remaining=1 - session.env.share)
+        rollout, losses = session.learning.improve(session.collector.collect, remaining(session, run.config))
     except NotFinite as error:
         config = run.config.model_dump(mode="json")
         path = run.dump(session.steps, {"what": str(error), "config": config, **error.evidence})
@@ -149,6 +157,7 @@ def imitate(session: Session, run: Run | RunElsewhere, interruption: Interruptio
             rollout = shown.collect(own=config.warm_start.own_share * session.steps / wanted)
             with session.collector.stopwatch("learn"):
                 losses = cloner.update(rollout)
+            session.learning.follow()
             log_update(session, run, named_losses(losses), len(rollout))
             bar.update(session.steps, f"accuracy {losses['cloning_accuracy']:.2f}")
     session.collector.restart()
@@ -227,10 +236,12 @@ def open_session(
         policy.scale_thoughts(torch.from_numpy(centre), scale)
     if workers.count > 1:
         agree(workers, policy, planner)
-    actor = Actor(policy, config.num_envs, config.ppo.precision, seed)
-    learner = PPO(policy, config.ppo, seed, workers)
-    collector, price = Collector(env, actor, config.ppo, workers), ThinkPrice(config.think, workers)
-    session = Session(env, learner, actor, collector, price, planner, workers)
+    learner, stopwatch = PPO(policy, config.ppo, seed, workers), Stopwatch()
+    beside = config.learn_beside and not config.deterministic and workers.count == 1
+    learning = (Beside if beside else InTurn)(learner, stopwatch)
+    actor = Actor(learning.acting, config.num_envs, config.ppo.precision, seed)
+    collector = Collector(env, actor, config.ppo, workers, stopwatch)
+    session = Session(env, learner, learning, actor, collector, ThinkPrice(config.think, workers), planner, workers)
     if resume_from is not None:
         restore(session, resume_from)
     return session
@@ -256,6 +267,7 @@ def restore(session: Session, checkpoint: Checkpoint) -> None:
     state, workers = checkpoint.state, session.workers
     known = [{"collector": state["collector"], "order": state["learner"]["order"]}, *state.get("others", [])]
     session.learner.policy.load_state_dict(checkpoint.policy)
+    session.learning.follow()
     if workers.rank < len(known):
         session.learner.load_state_dict(state["learner"] | {"order": known[workers.rank]["order"]})
         session.collector.load_state_dict(known[workers.rank]["collector"])

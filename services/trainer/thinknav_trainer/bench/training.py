@@ -170,9 +170,7 @@ def _updates(session: Session, count: int) -> float:
     start, steps = time.perf_counter(), 0
     for _ in range(count):
         session.env.share = 0.0
-        rollout = session.collector.collect()
-        with session.collector.stopwatch("learn"):
-            session.learner.update(rollout)
+        rollout, _ = session.learning.improve(session.collector.collect, remaining=1.0)
         steps += len(rollout)
     return steps / (time.perf_counter() - start)
 

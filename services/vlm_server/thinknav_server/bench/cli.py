@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Iterable
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +12,17 @@ from thinknav_server.bench.figures import Figure
 from thinknav_server.bench.overload import overload_figures
 from thinknav_server.bench.soak import soak
 from thinknav_server.bench.throughput import throughput_figures
+from thinknav_server.cli_sections import refused
+from thinknav_server.planner_options import Decode
 from thinknav_server.settings_file import SettingsFile
+
+
+class VlmSize(StrEnum):
+    """The models that `bench vlm` draws."""
+
+    TWO_BILLION = "2b"
+    TINY = "tiny"
+
 
 app = typer.Typer(help="Measure the service on this machine, as lines of JSON.", no_args_is_help=True)
 
@@ -35,6 +46,26 @@ def overload(
 ) -> None:
     """Ten times the load that the service can bear: who is admitted, who is refused, how soon it is over."""
     _print(overload_figures(seconds))
+
+
+@app.command()
+def vlm(
+    _config: SettingsFile = None,
+    size: Annotated[VlmSize, typer.Option(help="Of the model.")] = VlmSize.TWO_BILLION,
+    device: Annotated[str, typer.Option(help="auto, cpu, cuda or cuda:1.")] = "auto",
+    decode: Annotated[list[Decode], typer.Option(help="As of `serve`; may be repeated.")] = [Decode.DYNAMIC],  # noqa: B006
+    clients: Annotated[list[int], typer.Option(min=1, help="Who ask at once; may be repeated.")] = [1, 16, 64, 256],  # noqa: B006
+    max_batch: Annotated[int, typer.Option(min=1, help="Requests that the model sees at once.")] = 64,
+    seconds: Annotated[float, typer.Option(min=0.1, help="For each number of clients.")] = 20.0,
+) -> None:
+    """Qwen3-VL of full size with random weights, 256 x 256 frames, 12 words: alone, and behind the service."""
+    try:
+        from thinknav_server.bench.vlm import VlmSetup, vlm_figures
+    except ImportError as error:
+        raise refused(
+            f"this needs libraries that are not installed ({error}); pip install 'thinknav[server,vlm]'"
+        ) from None
+    _print(vlm_figures(VlmSetup(size.value, device, [d.value for d in decode], clients, max_batch, seconds)))
 
 
 @app.command("soak")

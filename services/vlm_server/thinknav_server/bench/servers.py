@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,17 +46,27 @@ class Setup:
 
 @contextmanager
 def our_service(setup: Setup, *options: str, quiet: bool = False) -> Iterator[tuple[str, int]]:
-    """The service, with more options if need be: its URL and the number of its process. quiet: without its log."""
+    """The service over the emulated model, with more options if need be: its URL and the number of its process.
+
+    quiet: without its log.
+    """
+    command = ["--planner", "thinknav_server.bench.planner:EmulatedPlanner", "--log-level", "warning"]
+    command += ["--argument", f"base={setup.base}", "--argument", f"item={setup.item}"]
+    command += ["--max-batch", str(setup.max_batch), "--max-wait", str(setup.max_wait)]
+    command += ["--queue-size", str(setup.queue_size), "--cache-size", str(setup.cache_size), *options]
+    with service_with(command, quiet) as served:
+        yield served
+
+
+@contextmanager
+def service_with(options: Sequence[str], quiet: bool = False, patience: float = _START_S) -> Iterator[tuple[str, int]]:
+    """The service with options of `serve`: its URL and the number of its process. patience: seconds for its start."""
     with tempfile.TemporaryDirectory() as folder:
         announced = Path(folder) / "url"
         command = [sys.executable, "-m", "thinknav_server", "serve", "--port", "0", "--announce", str(announced)]
-        command += ["--planner", "thinknav_server.bench.planner:EmulatedPlanner", "--log-level", "warning"]
-        command += ["--argument", f"base={setup.base}", "--argument", f"item={setup.item}"]
-        command += ["--max-batch", str(setup.max_batch), "--max-wait", str(setup.max_wait)]
-        command += ["--queue-size", str(setup.queue_size), "--cache-size", str(setup.cache_size), *options]
-        command += ["--until-eof"]  # it ends with us, even if we are killed
+        command += [*options, "--until-eof"]  # it ends with us, even if we are killed
         with _running(command, quiet) as process:
-            _wait(process, announced.exists)
+            _wait(process, announced.exists, patience)
             yield announced.read_text(encoding="utf-8"), process.pid
 
 
@@ -149,13 +159,13 @@ def _running(command: list[str], quiet: bool = False) -> Iterator["subprocess.Po
         process.communicate()
 
 
-def _wait(process: "subprocess.Popen[bytes]", ready: Callable[[], bool]) -> None:
-    until = time.monotonic() + _START_S
+def _wait(process: "subprocess.Popen[bytes]", ready: Callable[[], bool], patience: float = _START_S) -> None:
+    until = time.monotonic() + patience
     while not ready():
         if process.poll() is not None:
             raise RuntimeError(f"the server to measure ended with status {process.returncode}")
         if time.monotonic() > until:
-            raise RuntimeError(f"the server to measure was not up within {_START_S:g} s")
+            raise RuntimeError(f"the server to measure was not up within {patience:g} s")
         time.sleep(0.05)
 
 

@@ -41,22 +41,22 @@ class Qwen3VLPlanner:
         self._options = options
         self._prompt = load_prompt(options.prompt)
         snapshot = find_snapshot(options.model)
-        self._device = torch.device(_device(options.device))
-        dtype = torch.bfloat16 if self._device.type == "cuda" else torch.float32
+        self.device = torch.device(_device(options.device))
+        dtype = torch.bfloat16 if self.device.type == "cuda" else torch.float32
         try:
             self._tokenizer = AutoTokenizer.from_pretrained(snapshot, padding_side="left")
-            self._patches = PatchMaker.of(snapshot, self._device)
+            self._patches = PatchMaker.of(snapshot, self.device)
             model = Qwen3VLForConditionalGeneration.from_pretrained(snapshot, dtype=dtype)
         except (OSError, ValueError, KeyError) as error:
             raise ValueError(f"{snapshot} holds no Qwen3-VL model that can be used: {error}") from error
-        self._model = model.to(self._device).eval()
-        self._decoder = Decoder(self._model, options.decode, options.decode_rows)
+        self.model = model.to(self.device).eval()
+        self.decoder = Decoder(self.model, options.decode, options.decode_rows)
         self._identity = PlannerIdentity(
             f"qwen3-vl/{model_name(options.model)}", revision_of(snapshot), self._prompt.hash
         )
-        for size in self._decoder.warm_up_sizes:  # so that nobody waits for kernels
+        for size in self.decoder.warm_up_sizes:  # so that nobody waits for kernels
             self.plan([PlanItem(np.zeros((_SIZE, _SIZE, 3), np.uint8), "chair")] * size)
-        logger.info("%s is on %s in %s", snapshot, self._device, dtype)
+        logger.info("%s is on %s in %s", snapshot, self.device, dtype)
 
     @property
     def identity(self) -> PlannerIdentity:
@@ -88,35 +88,35 @@ class Qwen3VLPlanner:
                     content += _IMAGE_MARK.replace(_IMAGE_TOKEN, _IMAGE_TOKEN * tokens)
             system = _TURN.format(role="system", content=_without_marks(self._prompt.system))
             texts.append(system + _TURN.format(role="user", content=content) + "<|im_start|>assistant\n")
-        multiple = self._decoder.prompt_multiple
+        multiple = self.decoder.prompt_multiple
         tokenized = self._tokenizer(texts, padding=True, pad_to_multiple_of=multiple, return_tensors="pt")
-        ids = tokenized["input_ids"].to(self._device)
+        ids = tokenized["input_ids"].to(self.device)
         image_token = self._tokenizer.convert_tokens_to_ids(_IMAGE_TOKEN)
         return {
             "input_ids": ids,
-            "attention_mask": tokenized["attention_mask"].to(self._device),
+            "attention_mask": tokenized["attention_mask"].to(self.device),
             "mm_token_type_ids": (ids == image_token).int(),
             "pixel_values": torch.cat([frame.pixels for frame in frames]),
-            "image_grid_thw": torch.tensor([frame.grid for frame in frames], device=self._device),
+            "image_grid_thw": torch.tensor([frame.grid for frame in frames], device=self.device),
         }
 
     @torch.inference_mode()
     def logits(self, items: Sequence[PlanItem]) -> Tensor:
         """(N, vocabulary) of the first word that each answer would have."""
-        logits: Tensor = self._model(**self.encode(items)).logits[:, -1]
+        logits: Tensor = self.model(**self.encode(items)).logits[:, -1]
         return logits
 
     def _generate(self, items: Sequence[PlanItem], temperature: float, max_new_tokens: int) -> list[str]:
         # The checkpoint's own top-k and top-p hold for sampling, and must not be named without it.
-        sampling = {"do_sample": True, "temperature": temperature} if temperature > 0 else _GREEDY
+        sampling = {"do_sample": True, "temperature": temperature} if temperature > 0 else GREEDY
         texts: list[str] = []
-        for part in self._decoder.parts(items):
-            new = self._decoder.generate(self.encode(part.items), max_new_tokens, sampling)
+        for part in self.decoder.parts(items):
+            new = self.decoder.generate(self.encode(part.items), max_new_tokens, sampling)
             texts += self._tokenizer.batch_decode(new[: part.wanted], skip_special_tokens=True)
         return texts
 
 
-_GREEDY = {"do_sample": False, "temperature": None, "top_p": None, "top_k": None}
+GREEDY = {"do_sample": False, "temperature": None, "top_p": None, "top_k": None}
 
 
 def _device(wanted: str) -> str:
