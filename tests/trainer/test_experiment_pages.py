@@ -6,9 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typer.testing import CliRunner
 
 from thinknav_sim.task_config import ObjectNavConfig
-from thinknav_trainer.config import load_config
+from thinknav_trainer.cli import app
+from thinknav_trainer.config import ConfigError, load_config
 from thinknav_trainer.experiments import AgentRow, named_experiment, write_results
 from thinknav_trainer.experiments.job import jobs_of
 from thinknav_trainer.experiments.ledger import Ledger
@@ -153,3 +155,23 @@ def test_five_are_the_simplest() -> None:
     homes, alone = make_homes(small), make_homes(one)
     assert [scene.name for scene in homes.scenes][:1] == [scene.name for scene in alone.scenes]
     assert len(homes.train) + len(homes.held_out) == 24
+
+
+def test_the_command_writes_down_what_there_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "docs" / "results").mkdir(parents=True)
+    fill(tmp_path / "docs" / "results")
+    told = CliRunner().invoke(app, ["reproduce", "single", "--table", "--arms", "never, agent-paper"])
+    assert told.exit_code == 0
+    assert "seeds so far: agent-paper (3 of 5)." in told.output
+    assert told.output.endswith("table: docs/results/single.md\n")
+    # What was changed by hand does not go where results are kept.
+    other = CliRunner().invoke(app, ["experiment", "single", "--table", "--set", "ppo.lr=1e-3"])
+    assert (other.exit_code, other.output) == (0, "")
+    for words, message in (
+        (["reproduce", "dumps/1.pt"], "there is single, five, unseen to reproduce, not 'dumps/1.pt'; for a dump"),
+        (["reproduce", "single", "--smoke", "--quick"], "either --smoke or --quick"),
+        (["experiment", "warm-start", "--quick"], "experiment warm-start has no quick form"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            CliRunner().invoke(app, words, catch_exceptions=False)
