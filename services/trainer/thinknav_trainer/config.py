@@ -140,10 +140,10 @@ class ThinkConfig(Section):
 class PolicyConfig(Section):
     """The recurrent actor-critic network."""
 
-    image_encoder: Literal["clip", "learnt"] = Field(
+    image_encoder: Literal["clip", "learnt", "resnet50"] = Field(
         "learnt",
         description="clip: the embedded CLIP sees the RGB, frozen, and small convolutions learn to see the depth; "
-        "learnt: convolutions learn to see the RGB-D",
+        "learnt: three convolutions learn to see the RGB-D; resnet50: Habitat's ResNet50 does, from random weights",
     )
     channels: tuple[int, int, int] = Field((16, 32, 32), description="learnt: channels of the convolutions")
     visual_size: int = Field(256, ge=1, description="width of the visual features")
