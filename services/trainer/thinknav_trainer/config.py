@@ -224,6 +224,14 @@ class TrainConfig(Section):
     threads: int = Field(
         0, ge=0, description="threads of torch and of the renderer; 0: the machine's cores, shared out to its workers"
     )
+    device: str = Field(
+        "cpu",
+        pattern=r"^(cpu|cuda(:\d+)?)$",
+        description="where the policy acts and learns: cpu, cuda (each worker of a host on a GPU of its own), cuda:1",
+    )
+    renderer: Literal["auto", "raster", "embree", "open3d", "warp"] = Field(
+        "auto", description="what draws while training (docs/simulator.md); warp: on the policy's GPU, where it has one"
+    )
     deterministic: bool = Field(
         False,
         description="wait for every reply before anyone moves on: slower, and the same numbers every time; "

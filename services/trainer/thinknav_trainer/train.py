@@ -16,7 +16,7 @@ import numpy as np
 import torch
 
 from thinknav_models.clip import shipped_text_encoder
-from thinknav_sim.render import set_render_threads
+from thinknav_sim.render import WarpRenderer, make_renderer, set_render_threads
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.actor import Actor
@@ -25,6 +25,7 @@ from thinknav_trainer.asking import AskApart, Asking, AskTogether
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.collector import RECENT_EPISODES, Collector
 from thinknav_trainer.config import TrainConfig
+from thinknav_trainer.device import find_device
 from thinknav_trainer.dumps import NotFinite, TrainingDiverged
 from thinknav_trainer.evaluate import evaluate
 from thinknav_trainer.interrupt import Interruption
@@ -207,8 +208,8 @@ def open_session(
     recording: Recording | None = None,
     workers: Workers = Lone(),
 ) -> Session:
-    """Build env, policy, learner and collector, and put them where a checkpoint left them. Raises CheckpointError or
-    EmbeddingSpaceError.
+    """Build env, policy, learner and collector, and put them where a checkpoint left them. Raises CheckpointError,
+    EmbeddingSpaceError, RendererUnavailable, or ConfigError for a GPU that is not there.
     """
     if threads := config.threads or workers.threads:
         torch.set_num_threads(threads)
@@ -217,7 +218,11 @@ def open_session(
     if resume_from is not None:
         resume_from.require(action_space(config), embedding_space(planner))
     seed = seed_of(config.seed, workers.rank, 0 if resume_from is None else resume_from.steps)
-    vector_env = ObjectNavVectorEnv(homes.scenes, homes.train, config.num_envs, config.task, seed=seed, order="random")
+    device = find_device(config.device)
+    renderer = WarpRenderer(str(device)) if config.renderer == "warp" else make_renderer(config.renderer)
+    vector_env = ObjectNavVectorEnv(
+        homes.scenes, homes.train, config.num_envs, config.task, seed=seed, order="random", renderer=renderer
+    )
     env = ThinkingEnv(vector_env, config.think, planner, _asking(config, recording), config.ppo.gamma, seed)
     torch.manual_seed(config.seed)
     policy = Policy(observation_shape(config, planner), config.network)
@@ -226,6 +231,7 @@ def open_session(
         policy.scale_thoughts(torch.from_numpy(centre), scale)
     if workers.count > 1:
         agree(workers, policy, planner)
+    policy.to(device)
     actor = Actor(policy, config.num_envs, config.ppo.precision, seed)
     learner = PPO(policy, config.ppo, seed, workers)
     collector, price = Collector(env, actor, config.ppo, workers), ThinkPrice(config.think, workers)
