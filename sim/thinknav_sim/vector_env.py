@@ -22,7 +22,7 @@ from thinknav_sim.navigation.kinematics import advance
 from thinknav_sim.navigation.tables import distances_to_goal
 from thinknav_sim.objectnav import ObjectNavWorld
 from thinknav_sim.observations import Observations, compass, gps, observation_space
-from thinknav_sim.render import Camera, make_renderer
+from thinknav_sim.render import Camera, Renderer, make_renderer
 from thinknav_sim.scene import Scene
 from thinknav_sim.task_config import Action, ObjectNavConfig
 
@@ -60,8 +60,8 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
 
     scenes: with names of their own. episodes: in any of the scenes. order: "random" draws each env's next episode from
     a stream of its own, which depends on `seed`, the env's index and how many episodes it has played, and on nothing
-    else; "sequential" gives env i episodes i, i + N, i + 2N ... and begins again at the end. renderer: see
-    `make_renderer`.
+    else; "sequential" gives env i episodes i, i + N, i + 2N ... and begins again at the end. renderer: its
+    name, as `make_renderer` has it, or one that no other env draws with.
 
     An env whose episode ends starts the next within the same step (`AutoresetMode.SAME_STEP`): the observation is then
     the new episode's first and `infos["final_obs"]` has the old one's last. `infos` of a step holds, one row an env:
@@ -90,7 +90,7 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
         *,
         seed: int = 0,
         order: Literal["random", "sequential"] = "random",
-        renderer: str = "auto",
+        renderer: str | Renderer = "auto",
     ) -> None:
         if num_envs < 1:
             raise ValueError(f"num_envs must be at least 1, not {num_envs}")
@@ -101,7 +101,8 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
         self.order = order
         self.scenes = tuple(scenes)
         self.episodes = tuple(episodes)
-        self.world = ObjectNavWorld(self.scenes, self.episodes, self.config, make_renderer(renderer))
+        drawn_by = make_renderer(renderer) if isinstance(renderer, str) else renderer
+        self.world = ObjectNavWorld(self.scenes, self.episodes, self.config, drawn_by)
         self.single_observation_space = observation_space(self.config)
         self.single_action_space = Discrete(self.config.num_actions)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

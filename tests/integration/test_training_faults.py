@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from tests.integration.conftest import wait_for_url
-from thinknav_proto import CONTENT_TYPE, PlannerError, SubgoalRequest, Unavailable
+from thinknav_proto import CONTENT_TYPE, PlannerError, SubgoalRequest
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.config import load_config
 from thinknav_trainer.interrupt import Interruption
@@ -107,6 +107,13 @@ class Training:
         rows = read_metrics(self.folder)
         return rows[-1][f"thoughts/{name}"] if rows else 0.0
 
+    def codes(self) -> list[str | None]:
+        """Of each thought so far the code of its error, none where there was a reply."""
+        path = self.folder / "thoughts.jsonl"
+        whole = path.read_text().splitlines(keepends=True) if path.exists() else []
+        thoughts = [json.loads(line) for line in whole if line.endswith("\n")]
+        return [None if "error" not in thought else str(thought["error"]["code"]) for thought in thoughts]
+
     def wait_for(self, condition: Callable[[], bool]) -> None:
         until = time.monotonic() + TIMEOUT_S
         while not condition():
@@ -191,15 +198,19 @@ def test_garbage_in_the_place_of_a_service(tmp_path: Path, homes: Homes) -> None
         garbage.server_close()
 
 
-def test_another_embedding_space_is_refused_until_patience_ends(tmp_path: Path, homes: Homes) -> None:
+def test_another_embedding_space_is_refused(tmp_path: Path, homes: Homes) -> None:
+    """Each reply is a failure, by name; a run without patience for those ends as it does for any other."""
     with service(tmp_path) as (url, port):
-        training = Training(tmp_path / "run", homes, url, "think.patience=3")
+        training = Training(tmp_path / "run", homes, url)
         training.wait_for_more("answered")
     with service(tmp_path, port, ANOTHER_SPACE):
-        training.join()
-    assert isinstance(training.error, Unavailable)
-    assert "has not answered" in str(training.error)
-    answered = [
-        json.loads(line) for line in (tmp_path / "run/embeddings.jsonl").read_text().splitlines()
-    ]  # of one space alone, which every text that was embedded twice would show
-    assert len({line["text"] for line in answered if line["text"]}) == len([line for line in answered if line["text"]])
+        training.wait_for(lambda: "protocol_mismatch" in training.codes())
+        training.wait_for_more("failed")
+        training.end()
+    codes = training.codes()
+    since = codes[codes.index("protocol_mismatch") :]
+    assert None not in since
+    assert "now embeds in another@1, not in thinknav-clip@" in (tmp_path / "run/thoughts.jsonl").read_text()
+    embedded = [json.loads(line) for line in (tmp_path / "run/embeddings.jsonl").read_text().splitlines()]
+    texts = [line["text"] for line in embedded if line["text"]]
+    assert len(set(texts)) == len(texts)  # of one space alone: a text that was embedded twice would show

@@ -23,6 +23,8 @@ LENGTHS = ([5, 1, 9, 3], [2, 7])  # of two workers' sequences: they bring differ
 class DoublePolicy(nn.Module):
     """As `Policy` is to PPO, in float64, where sums in another order differ by nothing that counts."""
 
+    device = torch.device("cpu")
+
     def __init__(self) -> None:
         super().__init__()
         self.shape = ObservationShape(height=1, width=1, num_actions=4, thought_size=0)

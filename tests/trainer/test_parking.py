@@ -123,6 +123,7 @@ class DrawnAsking:
     def __init__(self, draw: Callable[[list[int], bool], list[int]]) -> None:
         self._draw = draw
         self._requests: dict[int, SubgoalRequest] = {}
+        self.failed = 0
 
     def ask(self, requests: Mapping[int, SubgoalRequest]) -> None:
         assert not self._requests.keys() & requests.keys()
@@ -130,8 +131,10 @@ class DrawnAsking:
 
     def replies(self, must_wait: bool) -> dict[int, Answer]:
         chosen = {env: self._requests.pop(env) for env in self._draw(sorted(self._requests), must_wait)}
+        failing = {env for env, request in chosen.items() if int(request.request_id) % 5 == 0}
+        self.failed += len(failing)
         return {
-            env: PlannerFailed("no") if int(request.request_id) % 5 == 0 else reply_to(request, "turn left")
+            env: PlannerFailed("no") if env in failing else reply_to(request, "turn left")
             for env, request in chosen.items()
         }
 
@@ -174,6 +177,8 @@ def test_any_order_of_replies_gives_each_env_its_own_transitions(
     assert counts.asked == counts.answered + counts.failed + len(made._env.parked)
     thinks = sum(action(env, k) == Action.THINK for env in range(count) for k in range(next_k[env]))
     assert counts.answered + counts.failed == thinks
+    assert isinstance(made._env._asking, DrawnAsking)
+    assert counts.failed == made._env._asking.failed
 
 
 def check_env(rollout: Rollout, env: int, places: list[int], ks: list[int]) -> None:

@@ -44,7 +44,8 @@ class Decision:
 class Actor:
     """Samples actions, or takes the likeliest ones when `greedy`.
 
-    previous: (N,) the last actions, NO_ACTION where an episode begins. hidden: the LSTM's state.
+    previous: (N,) the last actions, NO_ACTION where an episode begins. hidden: the LSTM's state. All that it keeps and
+    gives is on the CPU.
     """
 
     def __init__(self, policy: Policy, count: int, precision: Precision, seed: int, greedy: bool = False) -> None:
@@ -104,8 +105,13 @@ class Actor:
     def _forward(
         self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor
     ) -> tuple[Tensor, Tensor, Tensor]:
-        with autocast(self._precision):
-            return self._policy.step(_tensors(observations), previous, hidden)
+        """Logits, values and the next state, on the CPU, wherever the policy computes."""
+        device = self._policy.device
+        looked = self._policy.vision.look(_tensors(observations))  # where the observations are
+        there = {name: values.to(device) for name, values in looked.items()}
+        with autocast(self._precision, device):
+            logits, values, after = self._policy.step(there, previous.to(device), hidden.to(device))
+        return logits.cpu(), values.cpu(), after.cpu()
 
     def state_dict(self) -> dict[str, Any]:
         return {"previous": self.previous, "hidden": self.hidden, "generator": self._generator.get_state()}

@@ -75,7 +75,9 @@ class Checkpoint:
 
 
 def _pack(value: Any) -> Any:
-    """Arrays become tensors, which the safe reader knows."""
+    """Arrays become tensors, which the safe reader knows; what is on a GPU is brought here."""
+    if isinstance(value, torch.Tensor):
+        return value.cpu()
     if isinstance(value, np.ndarray):
         return {_ARRAY: torch.from_numpy(np.ascontiguousarray(value))}
     if isinstance(value, np.generic):

@@ -159,10 +159,11 @@ class ThinkConfig(Section):
 class PolicyConfig(Section):
     """The recurrent actor-critic network."""
 
-    image_encoder: Literal["clip", "clip-small", "learnt"] = Field(
+    image_encoder: Literal["clip", "clip-small", "learnt", "resnet50"] = Field(
         "learnt",
         description="clip: the embedded CLIP sees the RGB, frozen, in 128 x 128, and a small layer learns to see the "
-        "depth; clip-small: its pupil does, in 64 x 64; learnt: convolutions learn to see the RGB-D",
+        "depth; clip-small: its pupil does, in 64 x 64; learnt: three convolutions learn to see the RGB-D; resnet50: "
+        "Habitat's ResNet50 does, from random weights",
     )
     channels: tuple[int, int, int] = Field((16, 32, 32), description="learnt: channels of the convolutions")
     visual_size: int = Field(256, ge=1, description="width of the visual features")
@@ -242,6 +243,14 @@ class TrainConfig(Section):
     num_envs: int = Field(16, ge=1, description="agents that move in one batch, of each worker")
     threads: int = Field(
         0, ge=0, description="threads of torch and of the renderer; 0: the machine's cores, shared out to its workers"
+    )
+    device: str = Field(
+        "cpu",
+        pattern=r"^(cpu|cuda(:\d+)?)$",
+        description="where the policy acts and learns: cpu, cuda (each worker of a host on a GPU of its own), cuda:1",
+    )
+    renderer: Literal["auto", "raster", "embree", "open3d", "warp"] = Field(
+        "auto", description="what draws while training (docs/simulator.md); warp: on the policy's GPU, where it has one"
     )
     deterministic: bool = Field(
         False,

@@ -17,7 +17,7 @@ def mean_and_deviation(values: Tensor, workers: Workers) -> tuple[Tensor, Tensor
     if workers.count == 1:
         return values.mean(), values.std()
     exact = values.double()
-    count, total = workers.sum(torch.stack([torch.tensor(float(len(values)), dtype=torch.float64), exact.sum()]))
+    count, total = workers.sum(torch.stack([exact.new_tensor(float(len(values))), exact.sum()]))
     mean = total / count
     squares = workers.sum((exact - mean).square().sum())
     return mean, (squares / (count - 1)).sqrt()

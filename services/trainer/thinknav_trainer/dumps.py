@@ -34,12 +34,12 @@ def write_dump(path: Path, evidence: Mapping[str, Any]) -> None:
 
 
 def read_dump(path: Path) -> dict[str, Any]:
-    """What `write_dump` wrote: tensors, arrays and plain values. Raises CheckpointError.
+    """What `write_dump` wrote, wherever: tensors on the CPU, arrays and plain values. Raises CheckpointError.
 
     For files of one's own only: reading one may run code.
     """
     try:
-        evidence: dict[str, Any] = torch.load(path, weights_only=False)
+        evidence: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=False)
     except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
         raise CheckpointError(f"{path} is no dump that can be read: {error}") from None
     return evidence

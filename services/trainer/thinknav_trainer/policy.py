@@ -81,8 +81,13 @@ class Policy(nn.Module):
             if shape.num_actions > Action.THINK:
                 self.actor.bias[Action.THINK] = config.think_bias
 
+    @property
+    def device(self) -> torch.device:
+        """Where it computes, and wants what it is given."""
+        return self.actor.weight.device
+
     def initial_hidden(self, count: int) -> Tensor:
-        """The state at the start of an episode: (2, layers, count, hidden) zeros."""
+        """The state at the start of an episode: (2, layers, count, hidden) zeros, on the CPU, where it is kept."""
         return torch.zeros(2, self.rnn.num_layers, count, self.rnn.hidden_size)
 
     def features(self, observations: Mapping[str, Tensor], previous_actions: Tensor) -> Tensor:

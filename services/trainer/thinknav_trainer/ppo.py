@@ -39,8 +39,9 @@ class PPO:
     def update(self, rollout: Rollout, remaining: float = 1.0) -> dict[str, float]:
         """Several epochs over a rollout; means of the losses. remaining: share of the run that is left, for lr_decay.
 
-        Raises NotFinite.
+        The rollout may be anywhere: it is brought to where the policy is. Raises NotFinite.
         """
+        rollout = rollout.to(self.policy.device)
         if self.config.lr_decay:
             for group in self.optimizer.param_groups:
                 group["lr"] = self.config.lr * remaining
@@ -48,7 +49,7 @@ class PPO:
         if self.config.normalize_advantages:
             mean, deviation = mean_and_deviation(advantages, self._workers)
             advantages = (advantages - mean) / (deviation + 1e-5)
-        with autocast(self.config.precision):
+        with autocast(self.config.precision, self.policy.device):
             observations = self.policy.vision.prepare(rollout.observations)
         sums: dict[str, float] = {}
         for _ in range(self.config.epochs):
@@ -90,7 +91,7 @@ class PPO:
         Raises NotFinite.
         """
         transitions, sequences = rollout.select(chosen)
-        with autocast(self.config.precision):
+        with autocast(self.config.precision, self.policy.device):
             logits, values = self.policy.sequence(
                 {name: values[transitions] for name, values in observations.items()},
                 rollout.previous_actions[transitions],

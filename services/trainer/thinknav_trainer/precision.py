@@ -1,16 +1,24 @@
 """In which number format the policy acts and learns."""
 
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any, Literal
 
 import torch
 
 from thinknav_models.bfloat16 import bfloat16_is_fast
 
+CPU = torch.device("cpu")
+
 Precision = Literal["auto", "float32", "bfloat16"]
 
 
-def autocast(precision: Precision) -> AbstractContextManager[Any]:
-    """Matrix products in bfloat16 where `precision` says so, or, for auto, where it is fast."""
-    enabled = precision == "bfloat16" or (precision == "auto" and bfloat16_is_fast())
-    return torch.autocast("cpu", torch.bfloat16, enabled=enabled)
+def autocast(precision: Precision, device: torch.device = CPU) -> AbstractContextManager[Any]:
+    """A device's matrix products in bfloat16 where `precision` says so, or, for auto, where it is fast."""
+    enabled = precision == "bfloat16" or (precision == "auto" and _is_fast(device))
+    return torch.autocast(device.type, torch.bfloat16) if enabled else nullcontext()
+
+
+def _is_fast(device: torch.device) -> bool:
+    if device.type == "cuda":
+        return torch.cuda.get_device_capability(device) >= (8, 0)
+    return bfloat16_is_fast()

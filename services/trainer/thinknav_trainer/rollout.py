@@ -41,6 +41,23 @@ class Rollout:
     def __len__(self) -> int:
         return len(self.actions)
 
+    def to(self, device: torch.device) -> "Rollout":
+        """The same on a device; itself where it is there already. What says how it falls into sequences stays."""
+        if self.actions.device == device:
+            return self
+        return Rollout(
+            observations={name: values.to(device) for name, values in self.observations.items()},
+            actions=self.actions.to(device),
+            previous_actions=self.previous_actions.to(device),
+            log_probs=self.log_probs.to(device),
+            values=self.values.to(device),
+            advantages=self.advantages.to(device),
+            returns=self.returns.to(device),
+            sequence_starts=self.sequence_starts,
+            sequence_lengths=self.sequence_lengths,
+            sequence_hidden=self.sequence_hidden.to(device),
+        )
+
     def select(self, chosen: NDArray[np.int64]) -> tuple[Tensor, Sequences]:
         """The transitions of some sequences (B,) and how the policy should lay them out.
 

@@ -16,7 +16,7 @@ import numpy as np
 import torch
 
 from thinknav_models.clip import shipped_text_encoder
-from thinknav_sim.render import set_render_threads
+from thinknav_sim.render import WarpRenderer, make_renderer, set_render_threads
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.actor import Actor
@@ -25,6 +25,7 @@ from thinknav_trainer.asking import AskApart, Asking, AskTogether
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.collector import RECENT_EPISODES, Collector
 from thinknav_trainer.config import TrainConfig
+from thinknav_trainer.device import find_device
 from thinknav_trainer.dumps import NotFinite, TrainingDiverged
 from thinknav_trainer.evaluate import evaluate
 from thinknav_trainer.interrupt import Interruption
@@ -216,8 +217,8 @@ def open_session(
     recording: Recording | None = None,
     workers: Workers = Lone(),
 ) -> Session:
-    """Build env, policy, learner and collector, and put them where a checkpoint left them. Raises CheckpointError or
-    EmbeddingSpaceError.
+    """Build env, policy, learner and collector, and put them where a checkpoint left them. Raises CheckpointError,
+    EmbeddingSpaceError, RendererUnavailable, or ConfigError for a GPU that is not there.
     """
     if threads := config.threads or workers.threads:
         torch.set_num_threads(threads)
@@ -226,7 +227,11 @@ def open_session(
     if resume_from is not None:
         resume_from.require(action_space(config), embedding_space(planner))
     seed = seed_of(config.seed, workers.rank, 0 if resume_from is None else resume_from.steps)
-    vector_env = ObjectNavVectorEnv(homes.scenes, homes.train, config.num_envs, config.task, seed=seed, order="random")
+    device = find_device(config.device)
+    renderer = WarpRenderer(str(device)) if config.renderer == "warp" else make_renderer(config.renderer)
+    vector_env = ObjectNavVectorEnv(
+        homes.scenes, homes.train, config.num_envs, config.task, seed=seed, order="random", renderer=renderer
+    )
     control = "none" if recording is not None else config.planner.control  # recorded replies were replaced already
     env = ThinkingEnv(vector_env, config.think, planner, _asking(config, recording), config.ppo.gamma, seed, control)
     torch.manual_seed(config.seed)
@@ -236,6 +241,7 @@ def open_session(
         policy.scale_thoughts(torch.from_numpy(centre), scale)
     if workers.count > 1:
         agree(workers, policy, planner)
+    policy.to(device)
     learner, stopwatch = PPO(policy, config.ppo, seed, workers), Stopwatch()
     beside = config.learn_beside and not config.deterministic and workers.count == 1
     learning = (Beside if beside else InTurn)(learner, stopwatch)
@@ -300,7 +306,7 @@ def embedding_space(planner: PlannerClient | None) -> str | None:
 
 def require_shared_space(config: TrainConfig, planner: PlannerClient | None) -> None:
     """Refuse a policy that sees through one CLIP and reads the thoughts of another. Raises EmbeddingSpaceError."""
-    if planner is None or config.policy.image_encoder == "learnt":
+    if planner is None or not config.policy.image_encoder.startswith("clip"):
         return
     own = shipped_text_encoder().space
     if planner.info.embedding_space != str(own):

@@ -1,7 +1,8 @@
 """How a policy sees: what it keeps of a step's pictures, and the features that it makes of them.
 
-Two ways: convolutions that learn on RGB-D, or the embedded CLIP (or its pupil, the small one), which has learnt already
-and is asked once a step, with a small layer that learns on depth alone. Knows nothing of what the features are for.
+Two ways: convolutions that learn on RGB-D (three, or the ResNet50 of `vision_resnet`), or the embedded CLIP (or its
+pupil, the small one), which has learnt already and is asked once a step, with a small layer that learns on depth alone.
+Knows nothing of what the features are for.
 """
 
 from abc import ABC, abstractmethod
@@ -47,6 +48,10 @@ def make_vision(height: int, width: int, config: PolicyConfig) -> Vision:
         return ClipVision(ClipImageEncoder.load(), config.visual_size)
     if config.image_encoder == "clip-small":
         return ClipVision(ClipImageEncoder.load_small(), config.visual_size)
+    if config.image_encoder == "resnet50":
+        from thinknav_trainer.vision_resnet import ResNetVision  # which is made from what is here
+
+        return ResNetVision(height, width, config.visual_size)
     return LearntVision(height, width, config.channels, config.visual_size)
 
 
@@ -104,7 +109,24 @@ def _named(encoder: ClipImageEncoder) -> str:
     return space if encoder.space.revision == encoder.revision else f"{space}, small@{encoder.revision}"
 
 
-class LearntVision(Vision):
+class RgbdVision(Vision):
+    """Sees RGB and depth as one image, and learns to see: an update needs the pictures, which are kept as they are."""
+
+    def look(self, observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        return dict(observations)
+
+    def prepare(self, looked: Mapping[str, Tensor]) -> dict[str, Tensor]:
+        """RGB and depth are joined to one centred `image` (B, H, W, 4)."""
+        rgb, depth = looked["rgb"], looked["depth"]
+        image = torch.empty((*rgb.shape[:3], 4), dtype=_dtype_in_force(), device=rgb.device)
+        image[..., :3] = rgb
+        image[..., :3] /= 255
+        image[..., 3:] = depth
+        image -= 0.5
+        return _without_pictures(looked) | {"image": image}
+
+
+class LearntVision(RgbdVision):
     """RGB-D to features: three convolutions, a third of the resolution that they were designed for."""
 
     def __init__(self, height: int, width: int, channels: tuple[int, int, int], out_features: int) -> None:
@@ -123,19 +145,6 @@ class LearntVision(Vision):
             flat = self.convolutions(torch.zeros(1, 4, height, width)).shape[1]
         self.linear = nn.Sequential(nn.Linear(flat, out_features), nn.ReLU())
         _initialize(self)
-
-    def look(self, observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        return dict(observations)
-
-    def prepare(self, looked: Mapping[str, Tensor]) -> dict[str, Tensor]:
-        """RGB and depth are joined to one centred `image` (B, H, W, 4)."""
-        rgb, depth = looked["rgb"], looked["depth"]
-        image = torch.empty((*rgb.shape[:3], 4), dtype=_dtype_in_force())
-        image[..., :3] = rgb
-        image[..., :3] /= 255
-        image[..., 3:] = depth
-        image -= 0.5
-        return _without_pictures(looked) | {"image": image}
 
     def forward(self, prepared: Mapping[str, Tensor]) -> Tensor:
         features: Tensor = self.linear(self.convolutions(prepared["image"].permute(0, 3, 1, 2)))
@@ -162,7 +171,11 @@ def _without_pictures(observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
 
 
 def _dtype_in_force() -> torch.dtype:
-    return torch.get_autocast_dtype("cpu") if torch.is_autocast_enabled("cpu") else torch.float32
+    """Of matrix products, wherever they are multiplied."""
+    for kind in ("cpu", "cuda"):
+        if torch.is_autocast_enabled(kind):
+            return torch.get_autocast_dtype(kind)
+    return torch.float32
 
 
 def _initialize(module: nn.Module) -> None:

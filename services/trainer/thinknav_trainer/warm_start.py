@@ -117,12 +117,14 @@ class Cloner:
     def _pass(self, rollout: Rollout) -> dict[str, float]:
         """One pass over a rollout: sums of the losses over its minibatches."""
         sums: dict[str, float] = {}
-        with autocast(self._ppo.precision):
+        device = self._policy.device
+        rollout = rollout.to(device)
+        with autocast(self._ppo.precision, device):
             observations = self._policy.vision.prepare(rollout.observations)
         order = self._order.permutation(len(rollout.sequence_starts))
         for chosen in np.array_split(order, self._ppo.minibatches):
             transitions, sequences = rollout.select(chosen)
-            with autocast(self._ppo.precision):
+            with autocast(self._ppo.precision, device):
                 logits, values = self._policy.sequence(
                     {name: rows[transitions] for name, rows in observations.items()},
                     rollout.previous_actions[transitions],

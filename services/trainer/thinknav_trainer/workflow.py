@@ -7,6 +7,7 @@ from pathlib import Path
 
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.config import ConfigError, TrainConfig, parse_config
+from thinknav_trainer.device import find_device_or_cpu
 from thinknav_trainer.episode_sets import EpisodeSet
 from thinknav_trainer.evaluate import Clock, EpisodeRecord, evaluate, write_evaluation
 from thinknav_trainer.interrupt import Interruption
@@ -139,6 +140,7 @@ def evaluate_checkpoint(
         policy = Policy(observation_shape(config, planner), config.policy)
         policy.load_state_dict(checkpoint.policy)
         when.apply(policy)
+        policy.to(find_device_or_cpu(config.device))
         played = elsewhere or _own_split(homes or make_homes(config), split)
         records = evaluate(policy, config, played.scenes, played.episodes, planner, interrupted, greedy, clock)
         protocol = {

@@ -59,6 +59,17 @@ def soak_simulator(
     raise typer.Exit(0 if _is_flat(share, console) else 1)
 
 
+@app.command("train-gpu")
+def measure_training_on_a_gpu(
+    repeats: Annotated[int, typer.Option(min=1, help="of each measurement; the median counts")] = 3,
+    overrides: Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="over the presets")] = None,
+) -> None:
+    """Steps per second of the presets gpu, with 64 to 2,048 envs, and paper, on a CUDA GPU."""
+    from thinknav_trainer.bench.training_gpu import gpu_figures
+
+    _tell(gpu_figures(repeats, overrides=overrides or ()))
+
+
 @app.command("train-memory")
 def watch_training_memory(
     steps: Annotated[int, typer.Option(min=1, help="environment steps to train for")] = 2_000_000,
