@@ -1,6 +1,7 @@
 """Learning in turn and beside collecting: each rollout once, and who acts by which weights."""
 
 import threading
+from collections.abc import Iterator
 
 import pytest
 import torch
@@ -9,9 +10,17 @@ from tests.trainer.test_ppo import bandit_rollout, learner
 from thinknav_trainer.dumps import NotFinite
 from thinknav_trainer.learning import Beside, InTurn
 from thinknav_trainer.rollout import Rollout
+from thinknav_trainer.threads import torch_threads
 from thinknav_trainer.timing import Stopwatch
 
 WEIGHT = "actor.weight"
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Sums come out otherwise with another number of threads, and beside there is one."""
+    with torch_threads(1):
+        yield
 
 
 def test_in_turn_the_losses_are_those_of_the_rollout() -> None:
