@@ -171,7 +171,7 @@ def test_the_command_writes_down_what_there_is(tmp_path: Path, monkeypatch: pyte
     for words, message in (
         (["reproduce", "dumps/1.pt"], "there is single, five, unseen to reproduce, not 'dumps/1.pt'; for a dump"),
         (["reproduce", "single", "--smoke", "--quick"], "either --smoke or --quick"),
-        (["experiment", "warm-start", "--quick"], "experiment warm-start has no quick form"),
+        (["experiment", "first-light", "--quick"], "experiment first-light has no quick form"),
     ):
         with pytest.raises(ConfigError, match=message):
             CliRunner().invoke(app, words, catch_exceptions=False)

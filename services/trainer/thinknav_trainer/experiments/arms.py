@@ -7,8 +7,14 @@ from typing import TypedDict
 
 from thinknav_trainer.experiments.experiment import AgentRow, Arm
 
-EMBEDDED = "planner.url=embedded"
-CLONED = ("warm_start.steps=40000", "ppo.entropy_coef=0.003")  # what was imitated is not to be forgotten at once
+# Of all arms: the planner in our own process, lock-step, which costs nothing then, and what makes the baseline learn.
+COMMON = (
+    "planner.url=embedded",
+    "deterministic=true",
+    *("env.success_reward=5", "env.slack_reward=-0.01", "ppo.lr=7e-4", "ppo.max_grad_norm=0.5"),
+)
+# What was imitated is not to be forgotten at once.
+CLONED = ("warm_start.steps=40000", "ppo.entropy_coef=0.003", "ppo.lr=2.5e-4", "ppo.max_grad_norm=0.2")
 FORCED = ("think.forced=0.3", "think.forced_until=0.5")
 
 HEADLINE_SEEDS = 5
@@ -64,7 +70,9 @@ def arms_of_single() -> tuple[Arm, ...]:
         NEVER_CLONED,
         THINK_COST,
         *(Arm(f"agent-{scheme.replace('_', '-')}", (f"think.reward={scheme}",)) for scheme in schemes),
+        Arm("agent-prior", ("policy.think_bias=1",)),
         Arm("agent-forced", FORCED),
+        Arm("agent-cloned-forced", (*CLONED, *FORCED)),
         Arm("agent-cloned-context", (*CLONED, *_RECENT)),
         Arm("every-n", ("think.strategy=every_n",)),
         Arm("once", ("think.strategy=once",)),
