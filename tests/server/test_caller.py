@@ -2,7 +2,7 @@
 
 import pytest
 
-from thinknav_server.caller import Trace
+from thinknav_server.caller import Caller, Trace
 
 ID = "4bf92f3577b34da6a3ce929d0e0e4736"
 PARENT = "00f067aa0ba902b7"
@@ -40,3 +40,19 @@ def test_a_later_version_may_say_more() -> None:
 )
 def test_what_is_not_valid_is_no_trace(header: str | None) -> None:
     assert Trace.read(header) is None
+
+
+@pytest.mark.parametrize(
+    ("attachment", "caller"),
+    [
+        (b"", Caller("unnamed", "zenoh")),
+        (b"robot", Caller("robot", "zenoh")),
+        (f"robot\n00-{ID}-{PARENT}-01".encode(), Caller("robot", "zenoh", Trace(ID))),
+        (f"\n00-{ID}-{PARENT}-00\nvendor=1".encode(), Caller("unnamed", "zenoh", Trace(ID, "00", "vendor=1"))),
+        (b"robot\nnonsense\nvendor=1", Caller("robot", "zenoh")),
+        (b"r" * 5000, Caller("r" * 64, "zenoh")),
+        (b"\xff\n\n\n\n", Caller("\ufffd", "zenoh")),
+    ],
+)
+def test_over_zenoh_a_caller_tells_its_name_and_trace(attachment: bytes, caller: Caller) -> None:
+    assert Caller.of_attachment(attachment) == caller

@@ -95,7 +95,7 @@ def test_the_table_says_what_it_is(tmp_path: Path) -> None:
     assert "| *planner-only* | no training | 0.65 |" in text
     assert "| agent-cloned | 0.35 (0.23 to 0.47) | 0.00 (0.00 to 0.00) | 0.00 (0.00 to 0.00) |" in text
     assert "| never | -1.00 (25%) | +3.00 (75%) |" in text
-    assert "| agent-cloned | `warm_start.steps=40000` `ppo.entropy_coef=0.003` |" in text
+    assert "| agent-cloned | `warm_start.steps=40000` `ppo.entropy_coef=0.003` `ppo.lr=2.5e-4`" in text
     assert "2.0 hours" not in text
     assert "6.0 hours of processes in all" in text
     short = write_results(SHORT.with_arms(["never"]), tmp_path)

@@ -48,5 +48,14 @@ class Caller:
     door: str = "python"
     trace: Trace | None = None
 
+    @classmethod
+    def of_attachment(cls, attachment: bytes) -> Self:
+        """Who asks over zenoh, which tells nothing else of a client: lines of a name, `traceparent` and `tracestate`.
+
+        Each may be missing, and the lines after the name with it.
+        """
+        name, traceparent, tracestate, *_ = [*attachment[:1024].decode("utf-8", "replace").split("\n"), "", "", ""]
+        return cls(name[:64] or "unnamed", "zenoh", Trace.read(traceparent, tracestate))
+
 
 ANONYMOUS = Caller()

@@ -99,7 +99,8 @@ class ZenohDoor:
         try:
             with self._intake.body() as body:
                 body.add(len(query.payload or b""))
-                answer = await handler(query.payload.to_bytes() if query.payload else b"", _caller(query))
+                caller = Caller.of_attachment(query.attachment.to_bytes() if query.attachment else b"")
+                answer = await handler(query.payload.to_bytes() if query.payload else b"", caller)
         except PlannerError as refusal:
             error = refusal
         except Exception:
@@ -138,9 +139,3 @@ def _send(query: zenoh.Query, send: Callable[[], None]) -> None:
             send()
     except zenoh.ZError as error:
         logger.warning("a reply could not be sent: %s", error)
-
-
-def _caller(query: zenoh.Query) -> Caller:
-    """Clients take turns by the name that they give themselves: zenoh tells nothing else of them."""
-    name = query.attachment.to_bytes().decode("utf-8", "replace")[:64] if query.attachment else "unnamed"
-    return Caller(name, "zenoh")
