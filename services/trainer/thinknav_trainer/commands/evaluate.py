@@ -11,7 +11,7 @@ from rich.table import Table
 from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_trainer.agents import AGENTS, Obedience
 from thinknav_trainer.checkpoint import Checkpoint
-from thinknav_trainer.config import ConfigError, load_config, parse_config
+from thinknav_trainer.config import ConfigError, TrainConfig, load_config, parse_config
 from thinknav_trainer.control import CONTROLS
 from thinknav_trainer.episode_sets import EpisodeSet, of_file, of_homes
 from thinknav_trainer.evaluate import Clock, EpisodeRecord, summarize, write_evaluation
@@ -105,18 +105,13 @@ def evaluate(
     """Play episodes with a checkpoint's policy (a split of its run, unless told otherwise) or with a named agent."""
     if (checkpoint is None) == (agent is None):
         raise ConfigError("give either a checkpoint or --agent")
-    if homes is not None and episodes_file is not None:
-        raise ConfigError("give either --homes or --episodes-file")
     when = WhenToThink(think_bias, think_every)
     if agent is not None and not when.as_learnt:
         raise ConfigError("--think-bias and --think-every are for the policy of a checkpoint")
-    clock = Clock(step_seconds, think_seconds)
-    where = Where(homes, episodes_file, scenes, episodes)
+    clock, where = Clock(step_seconds, think_seconds), Where(homes, episodes_file, scenes, episodes)
     with interruption() as interrupted:
         if checkpoint is not None:
-            elsewhere = None
-            if homes is not None or episodes_file is not None:
-                elsewhere = where.open(parse_config(Checkpoint.load(checkpoint).config).env)
+            elsewhere = where.for_checkpoint(checkpoint) if homes or episodes_file else None
             folder, records = evaluate_checkpoint(
                 checkpoint,
                 split,
@@ -131,14 +126,8 @@ def evaluate(
             )
             title = f"episodes of {split if elsewhere is None else elsewhere.name}, {checkpoint}"
         else:
-            think = {
-                "planner": planner,
-                "planner.control": control,
-                "think.context": context,
-                "think.temperature": temperature,
-            }
-            given = [f"{key}={value}" for key, value in think.items() if value is not None]
-            config = load_config(preset, config_file, [*(overrides or ()), *given])
+            think = {"think.context": context, "think.temperature": temperature}
+            config = _config(preset, config_file, overrides, {"planner": planner, "planner.control": control, **think})
             setting = Setting(config, Obedience(turns, forwards, stop_gate, looks), clock)
             folder = output or Path("runs") / "evaluations" / str(agent)
             records = _play(str(agent), where, setting, folder, interrupted)
@@ -149,10 +138,21 @@ def evaluate(
     raise typer.Exit(interrupted.exit_code)
 
 
+def _config(
+    preset: str, file: Path | None, overrides: list[str] | None, options: dict[str, str | float | None]
+) -> TrainConfig:
+    """A preset's configuration, with what is given on the command line over it. Raises ConfigError."""
+    given = [f"{key}={value}" for key, value in options.items() if value is not None]
+    return load_config(preset, file, [*(overrides or ()), *given])
+
+
 class Where:
     """The episodes that the options name, made or read when they are wanted."""
 
     def __init__(self, homes: str | None, file: Path | None, scenes: Path | None, count: int) -> None:
+        """Raises ConfigError."""
+        if homes is not None and file is not None:
+            raise ConfigError("give either --homes or --episodes-file")
         self._homes = homes or _DEFAULT_HOMES
         self._file = file
         self._scenes = scenes
@@ -161,6 +161,10 @@ class Where:
     @property
     def name(self) -> str:
         return self._homes if self._file is None else str(self._file)
+
+    def for_checkpoint(self, checkpoint: Path) -> EpisodeSet:
+        """With the task that its policy was trained for."""
+        return self.open(parse_config(Checkpoint.load(checkpoint).config).env)
 
     def open(self, config: ObjectNavConfig) -> EpisodeSet:
         if self._file is not None:
