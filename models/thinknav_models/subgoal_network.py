@@ -64,13 +64,13 @@ class ResidualBlock(nn.Module):
         nn.init.zeros_(last.weight)
         self.layers = nn.Sequential(
             *_convolution(channels, channels, 3, 1, 1),
-            nn.ReLU(),
+            nn.ReLU(inplace=True),
             nn.Conv2d(channels, channels, 3, padding=1, bias=False),
             last,
         )
 
     def forward(self, features: Tensor) -> Tensor:
-        out: Tensor = functional.relu(features + self.layers(features))
+        out: Tensor = functional.relu_(features + self.layers(features))
         return out
 
 
@@ -82,12 +82,12 @@ class ViewTrunk(nn.Module):
         low, middle, high = channels
         self.layers = nn.Sequential(
             *_convolution(3, low, 4, 4, 0),
-            nn.ReLU(),
+            nn.ReLU(inplace=True),
             *_convolution(low, middle, 3, 2, 1),
-            nn.ReLU(),
+            nn.ReLU(inplace=True),
             ResidualBlock(middle),
             *_convolution(middle, high, 3, 2, 1),
-            nn.ReLU(),
+            nn.ReLU(inplace=True),
             ResidualBlock(high),
             ResidualBlock(high),
         )
@@ -101,7 +101,8 @@ class ViewTrunk(nn.Module):
         images = views.permute(0, 3, 1, 2).to(
             dtype
         )  # exact in half precision too, as is what follows but for the scale
-        features: Tensor = self.layers(((images - 127.5) / 255).contiguous(memory_format=torch.channels_last))
+        scaled = (images - 127.5).div_(255).contiguous(memory_format=torch.channels_last)
+        features: Tensor = self.layers(scaled)
         return features
 
 
@@ -215,7 +216,9 @@ class SubgoalNetwork(nn.Module):
             hidden = absent[:, None, None]
         tokens = self.memory_norm(tokens)
         pairs = [layer.split(layer.cross_kv(tokens), 2) for layer in self.decoder_layers]
-        return Memory([key for key, _ in pairs], [value for _, value in pairs], hidden)
+        # Laid out anew once, and not again for every word.
+        keys, values = ([part.contiguous() for part in parts] for parts in zip(*pairs, strict=True))
+        return Memory(keys, values, hidden)
 
     @property
     def decoder_layers(self) -> list[DecoderLayer]:

@@ -33,6 +33,7 @@ MAX_RECENT = 4  # earlier views that it was taught with; of more, the latest cou
 
 MAX_SENTENCES = 5  # of a plan
 
+_CHUNK = 16  # frames at once: what lies between layers then stays in the processor's cache
 _LONGEST = {"subgoal": 14, "plan": 60}  # tokens
 _STOP = DIRECTIONS.index("stop")
 
@@ -136,7 +137,8 @@ class SubgoalVLM:
             views[row, : 1 + len(earlier)] = torch.arange(len(frames), len(frames) + 1 + len(earlier))
             headings[row, : len(earlier)] = torch.tensor([heading for _, heading in earlier])
             frames += [question.frame, *(frame for frame, _ in earlier)]
-        features = self.network.trunk(torch.stack([_pixels(frame) for frame in frames])).float()
+        chunks = torch.split(_stacked([_pixels(frame) for frame in frames]), _CHUNK)
+        features = torch.cat([self.network.trunk(chunk).float() for chunk in chunks])
         words = [self.vocabulary.encode(question.goal) or [self.vocabulary.unknown] for question in questions]
         first = self.network.first_token(
             torch.tensor([word for goal in words for word in goal]),
@@ -219,11 +221,18 @@ def load_network(path: Path = SHIPPED_FILE) -> TaughtNetwork:
 
 
 def _pixels(frame: NDArray[np.uint8]) -> Tensor:
-    """A frame (H, W, 3) uint8 of any size as the network takes it, (128, 128, 3) float32 or uint8."""
+    """A frame (H, W, 3) uint8 as the network takes it: (128, 128, 3) uint8, or float32 where it had another size."""
     if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8 or not frame.size:
         raise ValueError(f"a frame must be (H, W, 3) uint8, not {frame.shape} {frame.dtype}")
     pixels = torch.from_numpy(np.array(frame))  # a copy: what a decoder gives may not be writable
     if frame.shape[:2] == (IMAGE_SIZE, IMAGE_SIZE):
-        return pixels.float()
+        return pixels
     sized = functional.interpolate(pixels.permute(2, 0, 1)[None].float(), (IMAGE_SIZE, IMAGE_SIZE), mode="area")
     return sized[0].permute(1, 2, 0)
+
+
+def _stacked(pixels: Sequence[Tensor]) -> Tensor:
+    """(N, 128, 128, 3) uint8 where all are, a quarter of the memory, else float32."""
+    if any(frame.is_floating_point() for frame in pixels):
+        pixels = [frame.float() for frame in pixels]
+    return torch.stack(list(pixels))
