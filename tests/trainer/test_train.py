@@ -2,12 +2,13 @@
 
 import json
 import threading
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 import torch
 
-from thinknav_proto import SubgoalRequest, Unavailable
+from thinknav_proto import PlannerError, SubgoalReply, SubgoalRequest, Unavailable
 from thinknav_trainer.checkpoint import Checkpoint, CheckpointError
 from thinknav_trainer.config import TrainConfig, change_config
 from thinknav_trainer.evaluate import evaluate, is_of_own_share, read_evaluation, summarize, write_evaluation
@@ -91,16 +92,23 @@ def test_a_run_that_does_not_wait_counts_each_step_and_thought_once(
     )
     first_ended = threading.Event()
 
-    def answer(request: SubgoalRequest) -> str:
-        if request.request_id == "3":
-            first_ended.wait(300)
-        return "turn left"
+    class HoldsOneBack(MockTransport):
+        """The first request that travels alone is answered when the first run has ended. Others would wait with it."""
 
-    slow = PlannerClient(MockTransport(answer, latency=0.005))
+        def ask(self, requests: Sequence[SubgoalRequest]) -> Sequence[SubgoalReply | PlannerError]:
+            nonlocal held
+            if len(requests) == 1 and not held:
+                held = True
+                first_ended.wait(300)
+            return super().ask(requests)
+
+    held = False
+    slow = PlannerClient(HoldsOneBack(lambda request: "turn left", latency=0.005))
     first = Run.create(tmp_path, change_config(config, overrides=["total_steps=128"]))
     middle = Checkpoint.load(train(first, homes, slow, Interruption()))
     first.close()
     first_ended.set()
+    assert held
     assert middle.state["collector"]["env"]["parked"]
     second = Run(tmp_path, config, middle.steps)
     last = Checkpoint.load(train(second, homes, slow, Interruption(), middle))

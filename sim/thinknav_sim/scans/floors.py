@@ -21,6 +21,7 @@ _LEAST_SHARE = 0.2
 # Above a floor there are walls; above a roof there is nothing.
 _WALL_M = 1.2
 _HEADROOM_M = 0.88
+_HEIGHT_DIGITS = 5  # of a floor's height in metres
 
 
 def find_floors(scene: Scene, renderer: Renderer) -> tuple[float, ...]:
@@ -36,7 +37,8 @@ def find_floors(scene: Scene, renderer: Renderer) -> tuple[float, ...]:
         area = float(near.sum()) * _CELL_M**2
         if area < max(_LEAST_AREA_M2, _LEAST_SHARE * max((size for size, _ in floors), default=0.0)):
             break
-        floors.append((area, float(np.median(heights[near]))))
+        # Rays meet a floor a hair above or below it, by the width of the processor's vectors.
+        floors.append((area, round(float(np.median(heights[near])), _HEIGHT_DIGITS)))
         heights = heights[np.abs(heights - peak) > _STOREY_M]
     if not floors:
         raise SceneError(

@@ -6,7 +6,7 @@ import logging
 import statistics
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
@@ -25,6 +25,7 @@ from thinknav_trainer.scenes import Homes, make_homes
 from thinknav_trainer.service_process import planning_service
 from thinknav_trainer.train import Session, open_session
 
+PARTS = ("speed", "peers", "latency", "scaling")
 LATENCY_S = 0.3
 DEADLINE_S = 3.0
 FAILING, SILENT = 0.05, 0.01
@@ -42,28 +43,51 @@ LATENCY = (
 NEVER = ("think.strategy=never",)
 # A policy that has not learnt anything thinks in one step of four or five; one that has, in fewer than one of ten.
 ONE_IN_TEN = ("think.forced=0.1", "think.forced_until=1", "policy.think_bias=-20")
+BESIDE = ("learn_beside=true",)
+LARGE_EYE = ("policy.image_encoder=clip", "env.width=128", "env.height=128")
 LARGE_LSTM = ("policy.hidden_size=512", "policy.lstm_layers=2")
 
 
-def training_figures(repeats: int, peers: Path, url: str | None = None) -> Iterator[Figure]:
-    """Every figure of the trainer, as soon as it is there.
+def training_figures(
+    repeats: int, peers: Path, url: str | None = None, parts: Sequence[str] = PARTS
+) -> Iterator[Figure]:
+    """Every figure of the trainer, as soon as it is there, or those of some PARTS.
 
     peers: virtual environment of the peers. url: of a planning service; none: one of our own.
     """
     logging.getLogger("thinknav_trainer").setLevel(logging.WARNING)
+    if "speed" in parts:
+        yield from speeds(repeats, url)
+    if "peers" in parts:
+        with _service(url) as planner:
+            yield from against_peers("train.cpu", load_config("cpu"), peers, repeats, planner)
+        yield from against_peers("train.cpu_never", load_config("cpu", overrides=NEVER), peers, repeats)
+    if "latency" in parts:
+        yield from latency_hidden(load_config("cpu", overrides=LATENCY), repeats)
+    if "scaling" in parts:
+        yield from scaling(repeats)
+
+
+def speeds(repeats: int, url: str | None) -> Iterator[Figure]:
+    """Steps per second of the preset cpu and of what differs from it in one thing."""
     with _service(url) as planner:
-        yield from speed("train.cpu", load_config("cpu"), planner, repeats)
-        yield from speed("train.cpu_one_in_ten", load_config("cpu", overrides=ONE_IN_TEN), planner, repeats)
-        yield from speed("train.lstm512", load_config("cpu", overrides=LARGE_LSTM), planner, repeats)
-        yield from against_peers("train.cpu", load_config("cpu"), peers, repeats, planner)
-    yield from against_peers("train.cpu_never", load_config("cpu", overrides=NEVER), peers, repeats)
-    yield from latency_hidden(load_config("cpu", overrides=LATENCY), repeats)
-    yield from scaling(repeats)
+        for name, overrides in (
+            ("cpu", ()),
+            ("cpu_beside", BESIDE),
+            ("cpu_one_in_ten", ONE_IN_TEN),
+            ("cpu_one_in_ten_beside", (*ONE_IN_TEN, *BESIDE)),
+            ("lstm512", LARGE_LSTM),
+            ("lstm512_beside", (*LARGE_LSTM, *BESIDE)),
+        ):
+            yield from speed(f"train.{name}", load_config("cpu", overrides=overrides), planner, repeats)
+    for name, overrides in (("cpu_never", ()), ("cpu_never_beside", BESIDE), ("cpu_never_clip", LARGE_EYE)):
+        yield from speed(f"train.{name}", load_config("cpu", overrides=(*NEVER, *overrides)), None, repeats)
 
 
-def speed(name: str, config: TrainConfig, planner: str, repeats: int) -> Iterator[Figure]:
-    """Steps per second of training, and the shares of the time."""
-    with connect(planner) as client:
+def speed(name: str, config: TrainConfig, planner: str | None, repeats: int) -> Iterator[Figure]:
+    """Steps per second of training, and the shares of the time. planner: its URL."""
+    with ExitStack() as stack:
+        client = None if planner is None else stack.enter_context(connect(planner))
         session = open_session(config, make_homes(config), client)
         _updates(session, 1)
         with _timed_parts(session) as parts:
@@ -213,7 +237,7 @@ def _service(url: str | None) -> Iterator[str]:
 @contextmanager
 def _timed_parts(session: Session) -> Iterator[dict[str, float]]:
     """While the block runs: seconds of drawing, of drawing for the planner alone, and of encoding images to act."""
-    env, policy = session.env.env, session.learner.policy
+    env, policy = session.env.env, session.learning.acting
     parts = {"planner_frames": 0.0, "encoding": 0.0, "rendering": 0.0}
     frames, look, began = env.frames, policy.vision.look, [0.0]
 

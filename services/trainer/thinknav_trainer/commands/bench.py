@@ -35,14 +35,17 @@ def measure_training(
     peers: Peers = _PEERS,
     repeats: Annotated[int, typer.Option(min=1, help="of each measurement; the median counts")] = 3,
     planner: Annotated[str | None, typer.Option(help="URL of a planning service; default: one of its own")] = None,
+    part: Annotated[list[str] | None, typer.Option(help="speed, peers, latency or scaling; default: all")] = None,
 ) -> None:
     """Steps per second of training beside its peers', where the time goes, and what a slow planner leaves of it.
 
     Some minutes.
     """
-    from thinknav_trainer.bench.training import training_figures
+    from thinknav_trainer.bench.training import PARTS, training_figures
 
-    _tell(training_figures(repeats, peers, planner))
+    if unknown := set(part or ()) - set(PARTS):
+        raise typer.BadParameter(f"{', '.join(sorted(unknown))}: not one of {', '.join(PARTS)}", param_hint="--part")
+    _tell(training_figures(repeats, peers, planner, part or PARTS))
 
 
 @app.command("soak")
