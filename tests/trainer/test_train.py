@@ -90,25 +90,23 @@ def test_a_run_that_does_not_wait_counts_each_step_and_thought_once(
     config = change_config(
         smoke, overrides=["deterministic=false", *FLOAT32, "policy.think_bias=2", "think.deadline=600"]
     )
-    first_ended = threading.Event()
+    held, first_ended = threading.Event(), threading.Event()
 
     class HoldsOneBack(MockTransport):
         """The first request that travels alone is answered when the first run has ended. Others would wait with it."""
 
         def ask(self, requests: Sequence[SubgoalRequest]) -> Sequence[SubgoalReply | PlannerError]:
-            nonlocal held
-            if len(requests) == 1 and not held:
-                held = True
+            if len(requests) == 1 and not held.is_set():
+                held.set()
                 first_ended.wait(300)
             return super().ask(requests)
 
-    held = False
     slow = PlannerClient(HoldsOneBack(lambda request: "turn left", latency=0.005))
     first = Run.create(tmp_path, change_config(config, overrides=["total_steps=128"]))
     middle = Checkpoint.load(train(first, homes, slow, Interruption()))
     first.close()
     first_ended.set()
-    assert held
+    assert held.is_set()
     assert middle.state["collector"]["env"]["parked"]
     second = Run(tmp_path, config, middle.steps)
     last = Checkpoint.load(train(second, homes, slow, Interruption(), middle))
