@@ -22,6 +22,7 @@ def test_shares_of_the_time_add_up(beside: str) -> None:
     shares = [value for name, value in figures.items() if ".share_" in name]
     assert len(shares) == 6
     assert sum(shares) == pytest.approx(1, abs=0.02)
+    assert min(shares) >= 0
     assert figures["some.share_rendering"] > 0
 
 

@@ -45,24 +45,28 @@ class RandomWalkers:
         """The share of the processor's time for these steps that was not drawing."""
         with timed_renderer(self.env) as renderer:
             taken = timed(lambda: self.walk(steps))()
-        return 1 - renderer.seconds / taken.cpu
+        return 1 - renderer.cpu / taken.cpu
 
     def close(self) -> None:
         self.env.close()
 
 
 class _TimedRenderer:
-    """A renderer that counts the processor's seconds that drawing takes."""
+    """A renderer that counts what drawing takes: the process's seconds of the processor (cpu), and those of the clock.
+
+    Where other threads work meanwhile, the first are theirs as well.
+    """
 
     def __init__(self, renderer: Renderer) -> None:
         self.renderer = renderer
-        self.seconds = 0.0
+        self.cpu = self.wall = 0.0
 
     def render(
         self, scene_ids: NDArray[np.int64], poses: NDArray[np.float64], camera: Camera
     ) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         pictures: list[tuple[NDArray[np.uint8], NDArray[np.float32]]] = []
-        self.seconds += timed(lambda: pictures.append(self.renderer.render(scene_ids, poses, camera)))().cpu
+        taken = timed(lambda: pictures.append(self.renderer.render(scene_ids, poses, camera)))()
+        self.cpu, self.wall = self.cpu + taken.cpu, self.wall + taken.wall
         return pictures[0]
 
     def __getattr__(self, name: str) -> Any:

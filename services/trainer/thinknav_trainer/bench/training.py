@@ -265,7 +265,7 @@ def _timed_parts(session: Session) -> Iterator[dict[str, float]]:
     policy.vision.look = timed_look  # type: ignore[method-assign]
     with timed_renderer(env) as renderer:
         yield parts
-    parts["rendering"] = renderer.seconds
+    parts["rendering"] = renderer.wall
     del env.frames, policy.vision.look
     for hook in hooks:
         hook.remove()
