@@ -31,6 +31,7 @@ COLORS = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56
 DASHES: tuple[Any, ...] = ("-", "-", "-", "--", "--", "-.", "-.", ":")
 _INK, _GRID = "#26323d", "#e3e8ed"
 _POINTS = 40
+_FEWEST_SEEDS = 3  # of a band: that of two is wider than any picture
 
 _Curve = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64] | None]
 
@@ -48,7 +49,9 @@ def draw_curves(experiment: Experiment, lines: Sequence[Line]) -> dict[str, byte
             _draw(axes, _over_seeds(arms[name], measure), COLORS[place], DASHES[place])
         _dress(axes, title, share=measure != "distance_to_goal")
     for axes in grid[1]:
-        axes.set_xlabel("environment steps (training episodes; mean and 95 % band over seeds)", fontsize=9, color=_INK)
+        axes.set_xlabel(
+            "environment steps (training episodes; mean over seeds, 95 % band of three or more)", fontsize=9, color=_INK
+        )
     handles = [
         matplotlib.lines.Line2D([], [], color=COLORS[place], linestyle=DASHES[place], linewidth=2.2)
         for place in range(len(drawn))
@@ -68,7 +71,7 @@ def _label(name: str, lines: Sequence[Line], experiment: Experiment) -> str:
 
 
 def _over_seeds(lines: Sequence[Line], measure: str) -> _Curve:
-    """Steps, means, and the band (2, points) or none of one seed; as far as all seeds have come."""
+    """Steps, means, and the band (2, points), none of fewer than three seeds; as far as all seeds have come."""
     curves = []
     for line in lines:
         steps = np.array(line["curve"]["steps"], float)
@@ -78,8 +81,8 @@ def _over_seeds(lines: Sequence[Line], measure: str) -> _Curve:
     begin, end = max(steps[0] for steps, _ in curves), min(steps[-1] for steps, _ in curves)
     common = np.linspace(begin, end, _POINTS)
     rows = np.stack([np.interp(common, steps, values) for steps, values in curves])
-    if len(rows) == 1:
-        return common, rows[0], None
+    if len(rows) < _FEWEST_SEEDS:
+        return common, rows.mean(axis=0), None
     band = np.array([student_interval(column.tolist()) for column in rows.T]).T
     return common, rows.mean(axis=0), band
 
