@@ -50,7 +50,7 @@ def draw_curves(experiment: Experiment, lines: Sequence[Line]) -> dict[str, byte
         _dress(axes, title, share=measure != "distance_to_goal")
     for axes in grid[1]:
         axes.set_xlabel(
-            "environment steps (training episodes; mean over seeds, 95 % band of three or more)", fontsize=9, color=_INK
+            "steps of training (mean; 95 % band of three seeds or more)", fontsize=9, color=_INK
         )
     handles = [
         matplotlib.lines.Line2D([], [], color=COLORS[place], linestyle=DASHES[place], linewidth=2.2)
