@@ -49,9 +49,7 @@ def draw_curves(experiment: Experiment, lines: Sequence[Line]) -> dict[str, byte
             _draw(axes, _over_seeds(arms[name], measure), COLORS[place], DASHES[place])
         _dress(axes, title, share=measure != "distance_to_goal")
     for axes in grid[1]:
-        axes.set_xlabel(
-            "steps of training (mean; 95 % band of three seeds or more)", fontsize=9, color=_INK
-        )
+        axes.set_xlabel("steps of training (mean; 95 % band of three seeds or more)", fontsize=9, color=_INK)
     handles = [
         matplotlib.lines.Line2D([], [], color=COLORS[place], linestyle=DASHES[place], linewidth=2.2)
         for place in range(len(drawn))
