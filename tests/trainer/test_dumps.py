@@ -60,6 +60,22 @@ def test_a_loss(tmp_path: Path, smoke: TrainConfig, homes: Homes, monkeypatch: p
     assert "the same minibatch is finite here" in redo_dump(dump)
 
 
+def test_a_loss_of_the_last_rollout_learnt_beside_collecting(
+    tmp_path: Path, smoke: TrainConfig, homes: Homes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """That is learnt when nothing is collected any more."""
+    value_loss = PPO._value_loss
+
+    def broken(self: PPO, values: Any, old: Any, returns: Any) -> Any:
+        return value_loss(self, values, old, returns * float("inf"))
+
+    monkeypatch.setattr(PPO, "_value_loss", broken)
+    beside = ("deterministic=false", "learn_beside=true", f"total_steps={smoke.steps_per_update}")
+    said, dump = diverged(tmp_path, change_config(smoke, overrides=beside), homes)
+    assert "value_loss of an update" in said
+    assert "once more: value_loss of an update" in redo_dump(dump)
+
+
 def test_a_gradient(tmp_path: Path, smoke: TrainConfig, homes: Homes, monkeypatch: pytest.MonkeyPatch) -> None:
     policy_loss = PPO._policy_loss
 

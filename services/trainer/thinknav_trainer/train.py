@@ -7,7 +7,8 @@ envs of its own: they learn as one, and count their steps together.
 import logging
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
@@ -104,7 +105,7 @@ def train(
             metrics = log_update(session, run, learnt, transitions)
             bar.update(session.steps, f"success {metrics.get('success', 0):.2f}")
             if session.steps >= due:
-                session.learning.settle(remaining(session, config))
+                settle(session, run)
                 validate(session, run, homes, interruption)
                 run.checkpoint(snapshot(session, config))
                 due = session.steps + config.checkpoint_every
@@ -112,7 +113,7 @@ def train(
             if config.max_minutes is not None and any_of(workers, minutes >= config.max_minutes):
                 logger.info("max_minutes is over after %d steps", session.steps)
                 break
-    session.learning.settle(remaining(session, config))
+    settle(session, run)
     return run.checkpoint(snapshot(session, config))
 
 
@@ -128,15 +129,28 @@ def improve(session: Session, run: Run | RunElsewhere) -> tuple[dict[str, float]
     """
     session.env.share = session.steps / run.config.total_steps
     session.env.price = session.price.now
-    try:
+    with dumped(session, run):
         rollout, losses = session.learning.improve(session.collector.collect, remaining(session, run.config))
+    return named_losses(losses) | session.price.update(rollout, session.env.share), len(rollout)
+
+
+def settle(session: Session, run: Run | RunElsewhere) -> None:
+    """Learn what is still to be learnt of what was collected. Raises TrainingDiverged."""
+    with dumped(session, run):
+        session.learning.settle(remaining(session, run.config))
+
+
+@contextmanager
+def dumped(session: Session, run: Run | RunElsewhere) -> Iterator[None]:
+    """What is not finite leaves a dump, and becomes TrainingDiverged, which names it."""
+    try:
+        yield
     except NotFinite as error:
         config = run.config.model_dump(mode="json")
         path = run.dump(session.steps, {"what": str(error), "config": config, **error.evidence})
         raise TrainingDiverged(
             f"not finite after {session.steps} steps: {error}; to see it again: thinknav redo {path}"
         ) from error
-    return named_losses(losses) | session.price.update(rollout, session.env.share), len(rollout)
 
 
 def named_losses(losses: dict[str, float]) -> dict[str, float]:

@@ -7,7 +7,6 @@ of them stays the CLIP's. It goes on where it was stopped.
 import itertools
 import json
 import logging
-import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -22,6 +21,7 @@ from thinknav_models.clip.image import CELLS, FRAME_SIZE, SMALL_KIND, ClipImageE
 from thinknav_models.clip.text import CLIP_KIND, CLIP_WEIGHTS
 from thinknav_models.weights import WeightsError, load_weights, save_weights
 from thinknav_sim.render import set_render_threads
+from thinknav_trainer.files import replacing
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.model_training.clip_towers import CELL_FEATURES, STEM_CHANNELS, Convolutions
 from thinknav_trainer.model_training.frames import FrameMaker, FramePlan
@@ -153,15 +153,14 @@ def _schedule(training: SmallTraining, done: int) -> float:
 
 
 def _save(path: Path, identity: str, tower: SmallTower, optimizer: torch.optim.Optimizer, done: int) -> None:
-    aside = path.with_name(f"{path.name}.{os.getpid()}.tmp")
     state = {
         "identity": identity,
         "done": done,
         "tower": tower.state_dict(),
         "optimizer": optimizer.state_dict(),
     }
-    torch.save(state, aside)
-    aside.replace(path)
+    with replacing(path) as file:
+        torch.save(state, file)
 
 
 def _restore(path: Path, identity: str, tower: SmallTower, optimizer: torch.optim.Optimizer) -> int:

@@ -3,7 +3,6 @@
 import json
 import logging
 import math
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -16,6 +15,7 @@ from thinknav_models.clip.text import CLIP_KIND
 from thinknav_models.weights import WeightsError, save_weights
 from thinknav_sim.render import set_render_threads
 from thinknav_trainer.dumps import TrainingDiverged
+from thinknav_trainer.files import replacing
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.model_training.clip_data import ClipBatch, clip_batches
 from thinknav_trainer.model_training.clip_loss import ClipLoss
@@ -156,7 +156,6 @@ def _identity(training: ClipTraining, plan: FramePlan, model: ClipModel) -> str:
 def _save(
     path: Path, model: ClipModel, optimizer: torch.optim.Optimizer, training: ClipTraining, plan: FramePlan, done: int
 ) -> None:
-    aside = path.with_name(f"{path.name}.{os.getpid()}.tmp")
     state = {
         "identity": _identity(training, plan, model),
         "done": done,
@@ -164,8 +163,8 @@ def _save(
         "optimizer": optimizer.state_dict(),
         "random": torch.get_rng_state(),
     }
-    torch.save(state, aside)
-    aside.replace(path)
+    with replacing(path) as file:
+        torch.save(state, file)
 
 
 def _restore(
