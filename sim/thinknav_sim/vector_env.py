@@ -24,6 +24,7 @@ from thinknav_sim.objectnav import ObjectNavWorld
 from thinknav_sim.observations import Observations, compass, gps, observation_space
 from thinknav_sim.render import Camera, Renderer, make_renderer
 from thinknav_sim.scene import Scene
+from thinknav_sim.seen_views import SeenViews
 from thinknav_sim.task_config import Action, ObjectNavConfig
 
 StepResult = tuple[Observations, NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], dict[str, Any]]
@@ -44,10 +45,11 @@ _SUMMARY: dict[str, type[np.generic]] = {
 
 
 class _Viewpoints(NamedTuple):
-    """From where n observations are taken: poses and start poses (n, 4), the renderer's scenes and goals (n,), and how
-    far the last step led, metres (n,).
+    """From where n observations are taken: agents (n,), poses and start poses (n, 4), the renderer's scenes and goals
+    (n,), and how far the last step led, metres (n,).
     """
 
+    agents: NDArray[np.int64]
     poses: NDArray[np.float64]
     starts: NDArray[np.float64]
     scene_ids: NDArray[np.int64]
@@ -114,6 +116,8 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
             self.config.camera_height,
             (self.config.min_depth, self.config.max_depth),
         )
+        # Who may think often stands still; for others, to remember costs more than it saves.
+        self._seen = SeenViews(drawn_by, self._camera, num_envs) if self.config.think_action else None
         self._turns = np.zeros(len(Action))
         self._turns[[Action.TURN_LEFT, Action.TURN_RIGHT]] = np.radians([1, -1]) * self.config.turn_angle
         self._lengths = np.zeros(len(Action))
@@ -284,6 +288,7 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
         table = self.world.table
         episodes = self._states.episodes[agents]
         return _Viewpoints(
+            agents=agents,
             poses=self._states.poses[agents],
             starts=table.start[episodes],
             scene_ids=self.world.scene_ids[table.scene[episodes]],
@@ -292,7 +297,10 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
         )
 
     def _observe(self, views: _Viewpoints) -> Observations:
-        rgb, depth = self.world.renderer.render(views.scene_ids, views.poses, self._camera)
+        if self._seen is None:
+            rgb, depth = self.world.renderer.render(views.scene_ids, views.poses, self._camera)
+        else:
+            rgb, depth = self._seen.render(views.agents, views.scene_ids, views.poses)
         return {
             "rgb": rgb,
             "depth": depth,

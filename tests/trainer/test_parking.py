@@ -110,7 +110,7 @@ class CountingActor:
         log_probs = torch.tensor([-(1.0 + 100 * env + k) for env, k in at])
         return Decision(actions, log_probs, self.values(observations), self.hidden[:, :, agents] + 1)
 
-    def look(self, observations: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    def look(self, observations: dict[str, NDArray[Any]], agents: Rows = EVERYONE) -> dict[str, NDArray[Any]]:
         return observations
 
     def values(self, observations: Mapping[str, NDArray[Any]], *_: Tensor) -> Tensor:

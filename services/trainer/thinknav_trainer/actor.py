@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from thinknav_trainer.forcing import FORCED_THINK, acting_log_probs
+from thinknav_trainer.glances import Glances
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.precision import Precision, autocast
 
@@ -55,6 +56,7 @@ class Actor:
         self._precision = precision
         self._greedy = greedy
         self._generator = torch.Generator().manual_seed(seed)
+        self._glances = Glances(policy.vision, count)
 
     def no_decision(self) -> Decision:
         """Of agents who have not decided anything yet."""
@@ -62,12 +64,13 @@ class Actor:
         nothing = torch.full((count,), NO_ACTION)
         return Decision(nothing, torch.zeros(count), torch.zeros(count), torch.zeros_like(self.hidden))
 
-    def look(self, observations: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        """What the policy keeps of observations. Whoever keeps them looks first: that is done once, and they are small.
+    def look(self, observations: Mapping[str, NDArray[Any]], agents: Rows = EVERYONE) -> dict[str, NDArray[Any]]:
+        """What the policy keeps of what some agents observe now. Whoever keeps it looks first: that is done once, it is
+        small, and who sees what it saw does not look again.
 
         `decide` and `values` take observations looked at or not.
         """
-        return {name: values.numpy() for name, values in self._policy.vision.look(_tensors(observations)).items()}
+        return self._glances.look(observations, np.arange(len(self.previous))[agents])
 
     @torch.no_grad()
     def decide(self, observations: Mapping[str, NDArray[Any]], agents: Rows = EVERYONE) -> Decision:
@@ -114,11 +117,18 @@ class Actor:
         return logits.cpu(), values.cpu(), after.cpu()
 
     def state_dict(self) -> dict[str, Any]:
-        return {"previous": self.previous, "hidden": self.hidden, "generator": self._generator.get_state()}
+        return {
+            "previous": self.previous,
+            "hidden": self.hidden,
+            "generator": self._generator.get_state(),
+            "glances": self._glances.state_dict(),
+        }
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         self.previous, self.hidden = state["previous"], state["hidden"]
         self._generator.set_state(state["generator"])
+        if "glances" in state:  # older checkpoints have none
+            self._glances.load_state_dict(state["glances"])
 
 
 def _without_ended(actions: Tensor, hidden: Tensor, done: NDArray[np.bool_]) -> tuple[Tensor, Tensor]:

@@ -133,7 +133,7 @@ class Collector:
     def _advance(self, envs: NDArray[np.int64], decision: Decision, step: Step) -> None:
         rows = self._rows(envs)
         with self.stopwatch("act"):
-            looked = self._actor.look(step.observations)
+            looked = self._actor.look(step.observations, rows)
         if isinstance(rows, slice):
             self._observations = looked
         else:

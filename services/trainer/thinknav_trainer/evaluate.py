@@ -117,20 +117,26 @@ def play(
     tracks = [_Track() for _ in range(count)]
     observations = env.reset()
     thoughts: list[Thought] = []
+    left = np.array([len(range(number, len(episodes), count)) for number in range(count)])
     with progress_bar("evaluating", len(episodes), unit="episodes") as bar:
         while len(records) < len(episodes) and not interruption.requested:
+            # Who is through stands still, but where others are told what it hears.
+            playing = np.arange(count) if conditions.control == "another" else np.flatnonzero(left)
             poses = vector_env.poses
             actions = agent.actions(observations, thoughts)
-            step = env.step(actions)
-            done = step.terminated | step.truncated
+            step = env.step(actions[playing], playing)
+            done = np.zeros(count, np.bool_)
+            done[playing] = step.terminated | step.truncated
             agent.ended(done)
-            _note(tracks, poses, actions, step.thoughts)
+            _note(tracks, playing, poses, actions, step.thoughts)
             for end in step.ended:
                 track, tracks[end.env] = tracks[end.env], _Track()
                 if is_of_own_share(end, count) and end.episode_index not in records:
                     episode = episodes[end.episode_index]
                     records[end.episode_index] = _record(episode, end, track, witness, conditions.clock)
-            observations = step.observations
+                    left[end.env] -= 1
+            for name, values in step.observations.items():
+                observations[name][playing] = values
             thoughts = [thought for thought in step.thoughts if not done[thought.env]]
             bar.update(len(records))
     vector_env.close()
@@ -140,23 +146,27 @@ def play(
 def is_of_own_share(end: EpisodeEnd, count: int) -> bool:
     """Whether an episode was played by the env (of `count`) that it was dealt to.
 
-    An env that is through with its share plays on in the others'. If such attempts counted, whichever attempt ended
+    An env that is through with its share may play on in the others'. If such attempts counted, whichever attempt ended
     first would, and that is the shorter one.
     """
     return end.episode_index % count == end.env
 
 
 def _note(
-    tracks: list[_Track], poses: NDArray[np.float64], actions: NDArray[np.int64], thoughts: Sequence[Thought]
+    tracks: list[_Track],
+    playing: NDArray[np.int64],
+    poses: NDArray[np.float64],
+    actions: NDArray[np.int64],
+    thoughts: Sequence[Thought],
 ) -> None:
     for thought in thoughts:
         track = tracks[thought.env]
         track.planner_seconds += thought.seconds
         if thought.subgoal is not None:
             track.thoughts.append((len(track.path), thought.subgoal))
-    for track, pose, action in zip(tracks, poses.tolist(), actions.tolist(), strict=True):
-        track.path.append(pose)
-        track.actions.append(action)
+    for env in playing.tolist():
+        tracks[env].path.append(poses[env].tolist())
+        tracks[env].actions.append(int(actions[env]))
 
 
 def _record(episode: Episode, end: EpisodeEnd, track: _Track, witness: Witness, clock: Clock) -> EpisodeRecord:

@@ -173,13 +173,17 @@ class ThinkingEnv:
         self._show_forcing(observations, np.arange(self.num_envs))
         return observations
 
-    def step(self, actions: NDArray[np.int64]) -> Step:
-        """Move everyone, and think where the action (N,) says so. Raises Unavailable as `replies` does."""
-        self.think(np.flatnonzero(actions == Action.THINK))
+    def step(self, actions: NDArray[np.int64], envs: NDArray[np.int64] | None = None) -> Step:
+        """Move these envs (n,), all unless given, and think where their actions (n,) say so.
+
+        Raises Unavailable as `replies` does.
+        """
+        envs = np.arange(self.num_envs) if envs is None else envs
+        self.think(envs[actions == Action.THINK])
         replies: dict[int, Answer] = {}
         while self.parked:
             replies |= self.replies(must_wait=True)
-        return self.step_subset(np.arange(self.num_envs), actions, replies)
+        return self.step_subset(envs, actions, replies)
 
     def think(self, envs: NDArray[np.integer[Any]]) -> None:
         """Park these envs: show the planner what they see."""

@@ -15,6 +15,7 @@ from torch.nn import functional
 from thinknav_models.clip.image import ClipImageEncoder
 from thinknav_trainer.config import PolicyConfig
 
+PICTURES = ("rgb", "depth")
 COARSE_DEPTH = 32  # pixels, each way: enough to see what is in the way
 PATCH = 8  # of them, each way: as many patches as the CLIP's features have cells
 PATCH_FEATURES = 32
@@ -167,7 +168,7 @@ def _patches(image: Tensor) -> Tensor:
 
 
 def _without_pictures(observations: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    return {name: value for name, value in observations.items() if name not in ("rgb", "depth")}
+    return {name: value for name, value in observations.items() if name not in PICTURES}
 
 
 def _dtype_in_force() -> torch.dtype:

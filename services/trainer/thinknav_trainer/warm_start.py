@@ -56,7 +56,8 @@ class Demonstrations:
         alone = np.arange(self._env.num_envs) < round(own * self._env.num_envs)
         for _ in range(self._config.num_steps):
             with stopwatch("act"):
-                chosen = self._actor.decide(self._observations)
+                looked = self._actor.look(self._observations)
+                chosen = self._actor.decide(looked)
                 named = self._demonstrator.actions(self._observations, self._thoughts)
             taken = np.where(alone, chosen.actions.numpy(), named)
             self._demonstrator.took(taken)
@@ -67,7 +68,7 @@ class Demonstrations:
             log.add(
                 Transitions(
                     envs=np.arange(self._env.num_envs),
-                    observations=self._actor.look(self._observations),
+                    observations=looked,
                     hidden=self._actor.hidden,
                     previous_actions=self._actor.previous.numpy(),
                     actions=named,
@@ -82,7 +83,8 @@ class Demonstrations:
             self._collector.note(step)
             self._observations = step.observations
             self._thoughts = [thought for thought in step.thoughts if not done[thought.env]]
-        last = self._actor.values(self._observations, self._actor.previous, self._actor.hidden).numpy()
+        looked = self._actor.look(self._observations)
+        last = self._actor.values(looked, self._actor.previous, self._actor.hidden).numpy()
         return log.rollout(last, self._config.gamma, self._config.tau, self._config.chunk_length)
 
 

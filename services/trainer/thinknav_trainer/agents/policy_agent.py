@@ -17,7 +17,7 @@ class PolicyAgent:
         self._actor = actor
 
     def actions(self, observations: Observations, thoughts: Sequence[Thought]) -> NDArray[np.int64]:  # noqa: ARG002
-        decision = self._actor.decide(observations)
+        decision = self._actor.decide(self._actor.look(observations))
         self._actor.advance(decision, np.zeros(len(decision.actions), np.bool_))
         actions: NDArray[np.int64] = decision.actions.numpy()
         return actions

@@ -3,11 +3,14 @@ with the same gate and the same words, and no service.
 
 All frames of a batch go through the network at once. Requests that are asked again in the same order get the same
 answers, at any temperature: what is drawn follows from the seed and from the first request's number, so that a run that
-goes on draws as one that was never stopped.
+goes on draws as one that was never stopped. What was asked lately and is not drawn is not worked out again: agents who
+turn to and fro ask about the same few views.
 """
 
+import hashlib
 import time
 import zlib
+from collections import OrderedDict
 from collections.abc import Sequence
 
 import numpy as np
@@ -22,6 +25,7 @@ from thinknav_trainer.planner.function_transport import FunctionTransport
 from thinknav_trainer.planner.mock_transport import mock_info
 
 NAME = "embedded"
+_REMEMBERED = 8192  # answers, some 4 MB
 
 
 class EmbeddedPlanner(PlannerClient):
@@ -32,6 +36,7 @@ class EmbeddedPlanner(PlannerClient):
         self._seed = seed
         self._told = mock_info().model_copy(update={"planner": NAME, "revision": revision})
         self._embeddings: dict[str, NDArray[np.float32]] = {}
+        self._remembered: OrderedDict[bytes, Answer] = OrderedDict()
         super().__init__(FunctionTransport(self._told, self._answer, shipped_text_encoder().encode))
 
     def _answer(self, requests: Sequence[SubgoalRequest]) -> Sequence[SubgoalReply | PlannerError]:
@@ -42,12 +47,26 @@ class EmbeddedPlanner(PlannerClient):
         if not questions:
             return [question for question in asked if isinstance(question, PlannerError)]
         self._model.draw_from(zlib.crc32(f"{self._seed} {requests[0].request_id}".encode()))
-        answers = iter(self._model.answer(questions))
+        answers = iter(self._answers(questions))
         planned = time.perf_counter() - began
         return [
             question if isinstance(question, PlannerError) else self._reply(request, next(answers), planned)
             for request, question in zip(requests, asked, strict=True)
         ]
+
+    def _answers(self, questions: Sequence[Question]) -> list[Answer]:
+        keys = [_key(question) for question in questions]
+        known = {number: self._remembered[key] for number, key in enumerate(keys) if key and key in self._remembered}
+        new = [number for number in range(len(questions)) if number not in known]
+        if new:
+            known |= zip(new, self._model.answer([questions[number] for number in new]), strict=True)
+        for number, key in enumerate(keys):
+            if key is not None:
+                self._remembered[key] = known[number]
+                self._remembered.move_to_end(key)
+        while len(self._remembered) > _REMEMBERED:
+            self._remembered.popitem(last=False)
+        return [known[number] for number in range(len(questions))]
 
     def _reply(self, request: SubgoalRequest, answer: Answer, planned: float) -> SubgoalReply:
         subgoal = answer.sentences[0]
@@ -64,6 +83,17 @@ class EmbeddedPlanner(PlannerClient):
             planner=self._told.identity,
             timings=Timings(queued=0.0, planned=planned, embedded=0.0),
         )
+
+
+def _key(question: Question) -> bytes | None:
+    """Equal for questions that are the same; None for one whose answer is drawn."""
+    if question.temperature > 0:
+        return None
+    digest = hashlib.blake2b(f"{question.mode}\0{question.goal}".encode(), digest_size=16)
+    for pixels, heading in ((question.frame, 0.0), *question.recent):
+        digest.update(f"\0{pixels.shape} {heading!r}\0".encode())
+        digest.update(pixels.tobytes())
+    return digest.digest()
 
 
 def _question(request: SubgoalRequest) -> Question | PlannerError:
