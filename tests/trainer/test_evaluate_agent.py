@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,8 +13,9 @@ from thinknav_proto import SubgoalReply, SubgoalRequest
 from thinknav_sim.observations import Observations
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
-from thinknav_trainer.agents import AGENTS, Obedience
+from thinknav_trainer.agents import AGENTS, Agent, Obedience
 from thinknav_trainer.config import ConfigError, TrainConfig, change_config
+from thinknav_trainer.control import ControlName
 from thinknav_trainer.evaluate import Conditions, EpisodeRecord, play
 from thinknav_trainer.evaluate_agent import Setting, evaluate_agent, named_agent
 from thinknav_trainer.home_sets import HomeSet, make_home_set, parse_home_set
@@ -21,6 +23,7 @@ from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import FunctionTransport, MockTransport, PlannerClient, mock_info, reply_to
 from thinknav_trainer.planner.privileged import PrivilegedPlanner
 from thinknav_trainer.scenes import Homes
+from thinknav_trainer.thinking import ThinkingEnv
 from thinknav_trainer.thoughts import Thought
 
 
@@ -134,6 +137,34 @@ def test_no_reply_is_withheld_where_nothing_is_learnt(smoke: TrainConfig, homes:
     with PlannerClient(MockTransport(lambda request: "turn left")) as planner:
         play(lambda env, seed: Thinker(), conditions, homes.scenes, homes.train[:2], planner, Interruption())
     assert told == [True] * 2 * (smoke.env.max_steps - 1)
+
+
+@pytest.mark.parametrize("control", ["none", "zeros", "another"])
+def test_who_is_through_asks_nobody_unless_others_are_told_what_it_hears(
+    smoke: TrainConfig, homes: Homes, control: ControlName
+) -> None:
+    """The envs' shares end at different times: some find what they look for, and one has an episode more."""
+    env = smoke.env.model_copy(update={"max_steps": 120})
+    think = smoke.think.model_copy(update={"strategy": "agent"})
+    conditions = Conditions(env, think, num_envs=4, seed=0, control=control)
+    with PrivilegedPlanner(smoke.planner.privileged, 0) as planner:
+        asked: list[int] = []
+
+        def make(thinking: ThinkingEnv, seed: int) -> Agent:
+            ask = thinking.think
+
+            def counted(envs: NDArray[np.integer[Any]]) -> None:
+                asked.extend(envs.tolist())
+                ask(envs)
+
+            thinking.think = counted  # type: ignore[method-assign]
+            return AGENTS["planner"].make(thinking, seed)
+
+        records = play(make, conditions, homes.scenes, homes.train[:9], planner, Interruption())
+    assert [record.episode_id for record in records] == [episode.episode_id for episode in homes.train[:9]]
+    thinks = sum(record.measures["thinks"] for record in records)
+    assert len(asked) > thinks if control == "another" else len(asked) == thinks
+    assert all(len(record.path) == len(record.actions) == record.measures["steps"] for record in records)
 
 
 def test_agents_that_are_not_there_or_lack_a_planner_are_refused(smoke: TrainConfig) -> None:

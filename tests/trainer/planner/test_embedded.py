@@ -87,6 +87,38 @@ def test_what_is_drawn_follows_from_the_request_and_a_bad_frame_fails_alone(home
         assert isinstance(alone, InvalidRequest)
 
 
+def test_what_is_not_drawn_is_worked_out_once() -> None:
+    seen = np.random.default_rng(0).integers(0, 256, (4, 128, 128, 3), dtype=np.uint8)
+
+    def request(number: int, **changes: object) -> SubgoalRequest:
+        base = SubgoalRequest(request_id="1", goal="chair", frame=Frame.raw(seen[number]))
+        return base.model_copy(update=changes)
+
+    def worked_out(planner: EmbeddedPlanner, *requests: SubgoalRequest) -> int:
+        with patch.object(SubgoalVLM, "answer", autospec=True, side_effect=SubgoalVLM.answer) as forward:
+            replies = planner.ask(requests)
+        said.append([reply.subgoal for reply in replies if isinstance(reply, SubgoalReply)])
+        assert len(said[-1]) == len(requests)
+        return sum(len(call.args[1]) for call in forward.call_args_list)
+
+    said: list[list[str]] = []
+    with EmbeddedPlanner() as planner, patch("thinknav_trainer.planner.embedded._REMEMBERED", 4):
+        assert worked_out(planner, request(0), request(1), request(2)) == 3
+        assert worked_out(planner, request(2), request(3), request(0)) == 1
+        assert [said[1][0], said[1][2]] == [said[0][2], said[0][0]]
+        earlier = (Frame.raw(seen[3], 0.5),)
+        others: list[dict[str, object]] = [
+            {"goal": "bed"},
+            {"mode": "plan"},
+            {"recent": earlier},
+            {"recent": (Frame.raw(seen[3], 0.6),)},
+        ]
+        assert worked_out(planner, *(request(0, **changes) for changes in others)) == 4
+        assert worked_out(planner, request(0)) == 1  # forgotten
+        for _ in range(2):
+            assert worked_out(planner, request(0, temperature=0.5)) == 1
+
+
 def test_a_run_with_it_needs_no_service_and_is_the_same_every_time(
     tmp_path: Path, smoke: TrainConfig, homes: Homes
 ) -> None:
