@@ -21,6 +21,7 @@ HEADLINE_SEEDS = 5
 _NEVER = ("think.strategy=never",)
 _RECENT = ("think.context=5", "think.temperature=0.5")
 _BUDGET = ("think.budget=0.05", "think.budget_after=0.3", "think.dropout=0.2")
+_BESIDE = ("learn_beside=true", "deterministic=false")
 _PRIVILEGED = ("planner.url=privileged", *FORCED)
 
 NEVER = Arm("never", _NEVER, HEADLINE_SEEDS)
@@ -68,6 +69,8 @@ def arms_of_single() -> tuple[Arm, ...]:
         CLONE_BUDGET,
         Arm("never-1m", (*_NEVER, "total_steps=1000000"), 3),
         NEVER_CLONED,
+        Arm("never-beside", (*_NEVER, *_BESIDE)),
+        Arm("agent-cloned-beside", (*CLONED, *_BESIDE)),
         THINK_COST,
         *(Arm(f"agent-{scheme.replace('_', '-')}", (f"think.reward={scheme}",)) for scheme in schemes),
         Arm("agent-prior", ("policy.think_bias=1",)),
