@@ -161,7 +161,7 @@ def _request(index: int, item: object) -> SubgoalRequest | PlannerError:
             _check_version(item["protocol_version"], InvalidRequest)
         return _validate(SubgoalRequest, item, f"request {index}", InvalidRequest)
     except PlannerError as error:
-        return error
+        return error.as_value()
 
 
 def _answer(index: int, item: object) -> SubgoalReply | PlannerError:
@@ -171,7 +171,7 @@ def _answer(index: int, item: object) -> SubgoalReply | PlannerError:
         fields = item.get("reply") if isinstance(item, dict) else item
         return _validate(SubgoalReply, fields, f"reply {index}", ProtocolMismatch)
     except PlannerError as error:
-        return error
+        return error.as_value()
 
 
 def _validate(kind: type[_M], fields: object, where: str, malformed: type[PlannerError]) -> _M:

@@ -14,7 +14,7 @@ is sent as the error reply. This module knows neither HTTP libraries nor zenoh.
 """
 
 import math
-from typing import ClassVar
+from typing import ClassVar, Self
 
 
 class PlannerError(Exception):
@@ -30,6 +30,15 @@ class PlannerError(Exception):
     def to_wire(self) -> dict[str, object]:
         """The error as a map of plain values, for msgpack or JSON."""
         return {"code": self.code, "message": self.message}
+
+    def as_value(self) -> Self:
+        """This error as an answer among others, for whoever catches it to give it on without raising it.
+
+        It forgets where it came from: a traceback holds the frames that it went through, with all that they hold, and
+        as soon as one of them keeps the error in a list, frames and pictures stay until the garbage is collected.
+        """
+        self.__traceback__ = self.__context__ = self.__cause__ = None
+        return self
 
 
 class InvalidRequest(PlannerError):

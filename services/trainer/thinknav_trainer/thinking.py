@@ -246,7 +246,7 @@ class ThinkingEnv:
         try:
             self._plans.begin(env, reply.instructions, self.embed(reply.instructions))
         except PlannerError as error:
-            return error
+            return error.as_value()
         return reply
 
     def _goal(self, env: int) -> str:

@@ -233,7 +233,7 @@ class Batcher(Generic[Item, Result]):
             self._batch_seconds = (self._batch_seconds + seconds) / 2 if self._batch_seconds else seconds
             self._on_batch(len(jobs), seconds)
         except PlannerError as error:
-            results = [error for _ in jobs]
+            results = [error.as_value() for _ in jobs]
         except Exception:
             logger.exception("a batch of %d failed", len(jobs))
             results = [PlannerFailed("the batch failed in the service") for _ in jobs]

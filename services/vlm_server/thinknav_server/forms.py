@@ -54,4 +54,4 @@ def _request(request_id: str, data: bytes, fields: dict[str, object]) -> Subgoal
     except ValidationError as error:
         return InvalidRequest(describe(error))
     except PlannerError as error:
-        return error
+        return error.as_value()

@@ -162,7 +162,7 @@ class PlanningService:
         try:
             answer = request if isinstance(request, PlannerError) else await self.answer(request, caller)
         except PlannerError as error:
-            answer = error
+            answer = error.as_value()
         finally:
             self._in_flight -= 1
             if not self._in_flight:

@@ -91,4 +91,4 @@ def _decoded(request: SubgoalRequest, memory: PixelMemory) -> PlanItem | Planner
             temperature=request.temperature,
         )
     except PlannerError as error:
-        return error
+        return error.as_value()

@@ -169,7 +169,7 @@ class Balancer:
             if len(answers) != len(requests):
                 raise ProtocolMismatch(f"{member.name} gave {len(answers)} answers to {len(requests)} requests")
         except PlannerError as error:
-            answers = [error] * len(requests)
+            answers = [error.as_value()] * len(requests)
         self._judge(member, answers)
         return answers
 

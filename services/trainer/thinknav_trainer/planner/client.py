@@ -127,7 +127,7 @@ class PlannerClient:
         try:
             answers = self._transport.ask(requests)
         except PlannerError as error:
-            return [error] * len(requests)
+            return [error.as_value()] * len(requests)
         if len(answers) != len(requests):
             mismatch = ProtocolMismatch(f"the service gave {len(answers)} answers to {len(requests)} requests")
             return [mismatch] * len(requests)

@@ -34,7 +34,7 @@ class EmbeddedPlanner(PlannerClient):
     def __init__(self, seed: int = 0) -> None:
         self._model, revision = SubgoalVLM.load(seed=seed)
         self._seed = seed
-        self._told = mock_info().model_copy(update={"planner": NAME, "revision": revision})
+        self._told = mock_info(NAME, revision)
         self._embeddings: dict[str, NDArray[np.float32]] = {}
         self._remembered: OrderedDict[bytes, Answer] = OrderedDict()
         super().__init__(FunctionTransport(self._told, self._answer, shipped_text_encoder().encode))
@@ -106,7 +106,7 @@ def _question(request: SubgoalRequest) -> Question | PlannerError:
             request.temperature,
         )
     except InvalidRequest as error:
-        return error
+        return error.as_value()
 
 
 def _pixels(frame: Frame) -> NDArray[np.uint8]:

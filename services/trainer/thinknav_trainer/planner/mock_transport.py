@@ -27,12 +27,12 @@ Latency = float | Callable[[SubgoalRequest], float]
 
 
 @functools.cache
-def mock_info() -> PlannerInfo:
-    """What the mock planner says of itself, unless told otherwise."""
+def mock_info(planner: str = "mock", revision: str = "0") -> PlannerInfo:
+    """What a planner in our own process says of itself: the mock, unless another is named."""
     return PlannerInfo(
         protocol_version=PROTOCOL_VERSION,
-        planner="mock",
-        revision="0",
+        planner=planner,
+        revision=revision,
         prompt_hash="none",
         embedding_space=str(shipped_text_encoder().space),
         limits=Limits(
@@ -90,7 +90,7 @@ class MockTransport:
         try:
             answer = self._handler(request)
         except PlannerError as error:
-            return error
+            return error.as_value()
         return reply_to(request, answer, self._info, latency) if isinstance(answer, str) else answer
 
 

@@ -33,7 +33,7 @@ class PrivilegedPlanner(PlannerClient):
 
     def __init__(self, config: PrivilegedConfig = PrivilegedConfig(), seed: int = 0) -> None:
         """seed: of its errors, its wording, and of whose answer stands for whose when they are shuffled."""
-        info = mock_info().model_copy(update={"planner": NAME, "revision": _revision(config)})
+        info = mock_info(NAME, _revision(config))
         super().__init__(FunctionTransport(info, _answer_frames, shipped_text_encoder().encode))
         self._config = config
         self._seed = seed

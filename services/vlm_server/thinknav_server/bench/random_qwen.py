@@ -16,7 +16,7 @@ from transformers import PreTrainedTokenizerFast, Qwen3VLConfig, Qwen3VLForCondi
 
 from thinknav_server.planners.prompt import load_prompt
 
-_MARKS = (
+MARKS = (
     "<|endoftext|>",
     "<|im_start|>",
     "<|im_end|>",
@@ -92,14 +92,14 @@ def qwen_config(size: str) -> Qwen3VLConfig:
         "mrope_section": [head // 2 - 2 * (head * 5 // 32), head * 5 // 32, head * 5 // 32],
         "mrope_interleaved": True,
     }
-    ends = {"eos_token_id": _MARKS.index("<|im_end|>"), "pad_token_id": 0, "bos_token_id": None}
+    ends = {"eos_token_id": MARKS.index("<|im_end|>"), "pad_token_id": 0, "bos_token_id": None}
     return Qwen3VLConfig(
         text_config={**shapes["text"], "rope_parameters": rope, **ends},
         vision_config={**shapes["vision"], "patch_size": 16, "spatial_merge_size": 2, "temporal_patch_size": 2},
-        image_token_id=_MARKS.index("<|image_pad|>"),
-        video_token_id=_MARKS.index("<|video_pad|>"),
-        vision_start_token_id=_MARKS.index("<|vision_start|>"),
-        vision_end_token_id=_MARKS.index("<|vision_end|>"),
+        image_token_id=MARKS.index("<|image_pad|>"),
+        video_token_id=MARKS.index("<|video_pad|>"),
+        vision_start_token_id=MARKS.index("<|vision_start|>"),
+        vision_end_token_id=MARKS.index("<|vision_end|>"),
         tie_word_embeddings=False,
     )
 
@@ -131,7 +131,7 @@ def _tokenizer(vocabulary: int) -> tuple[PreTrainedTokenizerFast, int]:
     tokenizer.decoder = decoders.ByteLevel()
     trainer = trainers.BpeTrainer(
         vocab_size=_LEARNT,
-        special_tokens=list(_MARKS),
+        special_tokens=list(MARKS),
         initial_alphabet=pre_tokenizers.ByteLevel.alphabet(),
         show_progress=False,
     )
@@ -144,6 +144,6 @@ def _tokenizer(vocabulary: int) -> tuple[PreTrainedTokenizerFast, int]:
     return PreTrainedTokenizerFast(
         tokenizer_object=Tokenizer.from_str(json.dumps(content)),
         eos_token="<|im_end|>",
-        pad_token=_MARKS[0],
-        additional_special_tokens=list(_MARKS[1:]),
+        pad_token=MARKS[0],
+        additional_special_tokens=list(MARKS[1:]),
     ), learnt

@@ -74,7 +74,7 @@ class PlannerInLoop:
             async with asyncio.timeout(question.request.deadline):  # nobody waits for longer
                 plan = await self._planner.plan(item, question.trace)
         except PlannerError as error:
-            return error
+            return error.as_value()
         except TimeoutError:
             return PlannerFailed(f"no answer within the request's deadline of {question.request.deadline:g} s")
         if isinstance(plan, PlannerError):

@@ -43,7 +43,7 @@ def _ask(planner: Planner, items: Sequence[PlanItem]) -> list[Plan | PlannerErro
 
 def _failure(error: Exception) -> PlannerError:
     if isinstance(error, PlannerError):
-        return error
+        return error.as_value()
     return PlannerFailed(f"the planner failed on this request: {type(error).__name__}: {str(error)[:200]}")
 
 
