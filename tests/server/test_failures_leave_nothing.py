@@ -62,6 +62,6 @@ def test_nothing_is_left_of_a_request_that_failed(fail: Callable[[], list[object
     gc.collect()
     [answer] = fail()
     assert isinstance(answer, error)
-    assert answer.__traceback__ is answer.__context__ is answer.__cause__ is None
+    assert (answer.__traceback__, answer.__context__, answer.__cause__) == (None, None, None)
     del answer
     assert gc.collect() == 0
