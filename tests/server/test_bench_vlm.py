@@ -18,7 +18,7 @@ from thinknav_server.planners import Plan, PlanItem
 from thinknav_server.planners.options import QwenOptions
 from thinknav_server.planners.qwen3_vl import GREEDY, Qwen3VLPlanner
 
-WEIGHTS_OF_QWEN3_VL_2B = 2_127_532_032  # as its card on the hub counts them, the tied last layer once
+WEIGHTS_OF_QWEN3_VL_2B = 2_127_532_032  # 2.1 billion: of the published shapes, the tied last layer counted once
 
 
 def test_the_full_size_is_that_of_the_real_model() -> None:
