@@ -25,8 +25,8 @@ class _Seen(NamedTuple):
 class SeenViews:
     """Draws for N agents what they have not just seen. A view follows from scene and pose, so nothing goes stale."""
 
-    def __init__(self, renderer: Renderer, camera: Camera, count: int) -> None:
-        self._renderer, self._camera = renderer, camera
+    def __init__(self, camera: Camera, count: int) -> None:
+        self._camera = camera
         shape = (count, camera.height, camera.width)
         self._seen = _Seen(
             np.full(count, -1, np.int64),
@@ -35,16 +35,25 @@ class SeenViews:
             np.empty((*shape, 1), np.float32),
         )
 
-    def render(self, agents: NDArray[np.int64], scene_ids: NDArray[np.int64], poses: NDArray[np.float64]) -> Pictures:
-        """As `Renderer.render`, rgb and depth of n views; agents: (n,) whose they are, the latest of each the last."""
+    def render(
+        self,
+        renderer: Renderer,
+        agents: NDArray[np.int64],
+        scene_ids: NDArray[np.int64],
+        poses: NDArray[np.float64],
+    ) -> Pictures:
+        """As `Renderer.render`, rgb and depth of n views; agents: (n,) whose they are, the latest of each the last.
+
+        renderer: the same every time; asked for what is new.
+        """
         seen = self._seen
         news = (seen.scenes[agents] != scene_ids) | (seen.poses[agents] != poses).any(axis=1)
         if news.all():
-            rgb, depth = self._renderer.render(scene_ids, poses, self._camera)
+            rgb, depth = renderer.render(scene_ids, poses, self._camera)
         else:
             rgb, depth = np.take(seen.rgb, agents, axis=0), np.take(seen.depth, agents, axis=0)
             if news.any():
-                rgb[news], depth[news] = self._renderer.render(scene_ids[news], poses[news], self._camera)
+                rgb[news], depth[news] = renderer.render(scene_ids[news], poses[news], self._camera)
         # Where an agent has two views, numpy keeps the last.
         seen.scenes[agents], seen.poses[agents] = scene_ids, poses
         seen.rgb[agents], seen.depth[agents] = rgb, depth

@@ -117,7 +117,7 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
             (self.config.min_depth, self.config.max_depth),
         )
         # Who may think often stands still; for others, to remember costs more than it saves.
-        self._seen = SeenViews(drawn_by, self._camera, num_envs) if self.config.think_action else None
+        self._seen = SeenViews(self._camera, num_envs) if self.config.think_action else None
         self._turns = np.zeros(len(Action))
         self._turns[[Action.TURN_LEFT, Action.TURN_RIGHT]] = np.radians([1, -1]) * self.config.turn_angle
         self._lengths = np.zeros(len(Action))
@@ -300,7 +300,7 @@ class ObjectNavVectorEnv(VectorEnv[Observations, NDArray[np.int64], NDArray[Any]
         if self._seen is None:
             rgb, depth = self.world.renderer.render(views.scene_ids, views.poses, self._camera)
         else:
-            rgb, depth = self._seen.render(views.agents, views.scene_ids, views.poses)
+            rgb, depth = self._seen.render(self.world.renderer, views.agents, views.scene_ids, views.poses)
         return {
             "rgb": rgb,
             "depth": depth,

@@ -52,12 +52,12 @@ def test_the_same_pose_in_another_scene_is_drawn(divided_room: Scene, empty_room
     renderer = make_renderer("auto")
     camera = Camera(16, 12)
     scenes = [renderer.add_scene(divided_room), renderer.add_scene(empty_room)]
-    views = SeenViews(renderer, camera, 2)
+    views = SeenViews(camera, 2)
     pose, agent = np.array([[4.5, 0.0, 1.25, 0.3]]), np.array([1])
     for scene in (scenes[0], scenes[1], scenes[0]):
         expected = renderer.render(np.array([scene]), pose, camera)
         for _ in range(2):
-            for mine, theirs in zip(views.render(agent, np.array([scene]), pose), expected, strict=True):
+            for mine, theirs in zip(views.render(renderer, agent, np.array([scene]), pose), expected, strict=True):
                 np.testing.assert_array_equal(mine, theirs)
     renderer.close()
 
