@@ -53,7 +53,9 @@ def test_the_same_pose_in_another_scene_is_drawn(divided_room: Scene, empty_room
     camera = Camera(16, 12)
     scenes = [renderer.add_scene(divided_room), renderer.add_scene(empty_room)]
     views = SeenViews(camera, 2)
-    pose, agent = np.array([[4.5, 0.0, 1.25, 0.3]]), np.array([1])
+    pose, agent = np.array([[4.0, 0.0, 2.0, math.pi / 2]]), np.array([1])
+    depths = [renderer.render(np.array([scene]), pose, camera)[1] for scene in scenes]
+    assert not np.array_equal(depths[0], depths[1]), "the two rooms look the same from here"
     for scene in (scenes[0], scenes[1], scenes[0]):
         expected = renderer.render(np.array([scene]), pose, camera)
         for _ in range(2):

@@ -26,7 +26,7 @@ def observed(rng: np.random.Generator, count: int) -> dict[str, NDArray[Any]]:
     }
 
 
-def looked_at(vision: ClipVision) -> Any:
+def looks() -> Any:
     return patch.object(ClipVision, "look", autospec=True, side_effect=ClipVision.look)
 
 
@@ -42,7 +42,7 @@ def test_only_what_is_new_is_looked_at() -> None:
     moved["gps"] += 1  # is no picture
     moved["rgb"][1, 5, 5, 0] ^= 1
     moved["depth"][3, 0, 0] += 0.5
-    with looked_at(vision) as look:
+    with looks() as look:
         after = glances.look(moved, everyone)
     assert [len(call.args[1]["rgb"]) for call in look.call_args_list] == [2]
     assert set(after) == set(before) == {"sight", "coarse_depth", "gps"}
@@ -62,12 +62,23 @@ def test_agents_are_not_taken_for_each_other() -> None:
     seen = observed(np.random.default_rng(1), 4)
     of_all = glances.look(seen, np.arange(4))
     some = np.array([3, 1])
-    with looked_at(vision) as look:
+    with looks() as look:
         of_some = glances.look({name: values[some] for name, values in seen.items()}, some)
     assert not look.called
     np.testing.assert_array_equal(of_some["sight"], of_all["sight"][some])
-    with looked_at(vision) as look:
+    with looks() as look:
         glances.look({name: values[some] for name, values in seen.items()}, np.array([1, 3]))
+    assert look.call_count == 1
+
+
+def test_who_has_not_looked_yet_looks_at_the_dark_too() -> None:
+    vision = make_vision(64, 64, SMALL_CLIP)
+    glances = Glances(vision, 2)
+    seen = observed(np.random.default_rng(4), 2)
+    dark = {name: np.zeros_like(values) for name, values in seen.items()}
+    glances.look({name: values[:1] for name, values in seen.items()}, np.array([0]))
+    with looks() as look:
+        glances.look({name: values[1:] for name, values in dark.items()}, np.array([1]))
     assert look.call_count == 1
 
 
@@ -78,7 +89,7 @@ def test_who_goes_on_remembers() -> None:
     one, other = Glances(vision, 3), Glances(vision, 3)
     expected = one.look(seen, np.arange(3))
     other.load_state_dict(one.state_dict())
-    with looked_at(vision) as look:
+    with looks() as look:
         again = other.look(seen, np.arange(3))
     assert not look.called
     np.testing.assert_array_equal(again["sight"], expected["sight"])
@@ -102,7 +113,7 @@ def test_who_thinks_does_not_look_again(thinking_env: MakeThinkingEnv, smoke: Tr
     actor = Actor(policy, 3, "float32", seed=0)
     observations = env.reset()
     actor.look(observations)
-    with looked_at(policy.vision) as look:  # type: ignore[arg-type]
+    with looks() as look:
         step = env.step(np.array([Action.THINK, Action.TURN_LEFT, Action.THINK]))
         actor.look(step.observations)
     assert [len(call.args[1]["rgb"]) for call in look.call_args_list] == [1]

@@ -78,7 +78,7 @@ class Control:
                 try:
                     told[env] = self._sentence(sentence, reply)
                 except PlannerError as error:
-                    answers = {**answers, env: error}
+                    answers = {**answers, env: error.as_value()}
         return {env: _said(answer, told.get(env)) for env, answer in answers.items()}
 
     def _another(self, replies: Mapping[int, SubgoalReply]) -> dict[int, _Told]:

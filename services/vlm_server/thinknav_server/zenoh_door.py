@@ -102,7 +102,7 @@ class ZenohDoor:
                 caller = Caller.of_attachment(query.attachment.to_bytes() if query.attachment else b"")
                 answer = await handler(query.payload.to_bytes() if query.payload else b"", caller)
         except PlannerError as refusal:
-            error = refusal
+            error = refusal.as_value()
         except Exception:
             logger.exception("a query on %s failed", key)
             error = PlannerFailed("the service failed; its log says why")
