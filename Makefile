@@ -2,6 +2,8 @@
 
 PYTHON ?= python3
 BIN := .venv/bin
+# Tests run side by side in as many processes.
+WORKERS ?= 2
 
 .PHONY: help setup demo test test-upstreams bench bench-train bench-peers bench-server bench-server-peers soak fuzz check format pins clean
 
@@ -35,7 +37,7 @@ demo: setup
 	@$(BIN)/thinknav demo
 
 test: setup check
-	$(BIN)/pytest
+	$(BIN)/pytest --numprocesses $(WORKERS) --dist worksteal
 
 # The planner `openai` against a real vLLM and `transformers serve`; downloads gigabytes into .venv-upstreams.
 test-upstreams: setup
