@@ -63,7 +63,7 @@ def test_single_has_the_arms_and_seeds_it_should(tmp_path: Path) -> None:
         "never",
         "agent-paper",
         "agent-cloned",
-        "agent-cloned-budget",
+        "agent-foresight",
     }
     assert set(seeds.values()) == {3, 5}
     configs = {arm.name: single.config(arm, 0) for arm in single.arms}

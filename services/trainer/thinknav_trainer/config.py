@@ -189,6 +189,9 @@ class PPOConfig(Section):
     tau: float = Field(0.95, ge=0, le=1, description="lambda of generalised advantage estimation")
     value_coef: float = Field(0.5, ge=0, description="weight of the value loss")
     entropy_coef: float = Field(0.01, ge=0, description="weight of the entropy bonus")
+    foresight_coef: float = Field(
+        0.0, ge=0, description="weight of learning to do untold what one does once told (docs/thinking.md); 0: off"
+    )
     max_grad_norm: float = Field(0.2, gt=0, description="gradients are clipped to this norm")
     clip_value_loss: bool = Field(True, description="clip the value's change, as Habitat does")
     normalize_advantages: bool = Field(True, description="zero mean, unit deviation over a rollout (Habitat: off)")
@@ -295,6 +298,8 @@ class TrainConfig(Section):
             raise ValueError("think.budget needs a reward scheme that charges thinks; task does not")
         if self.think.dropout and self.think.strategy not in ("agent", "every_n"):
             raise ValueError(f"think.dropout is for strategies agent and every_n, not {self.think.strategy}")
+        if self.ppo.foresight_coef and self.think.strategy == "never":
+            raise ValueError("ppo.foresight_coef is for strategies that think, not never")
         return self
 
     @property

@@ -19,6 +19,7 @@ from thinknav_trainer.agents import Demonstrator
 from thinknav_trainer.collector import Collector, timeout_bonus
 from thinknav_trainer.config import PPOConfig, WarmStartConfig
 from thinknav_trainer.data_parallel import average_gradients
+from thinknav_trainer.foresight import foresight_of
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.precision import autocast
 from thinknav_trainer.rollout import Rollout
@@ -108,11 +109,11 @@ class Cloner:
     def update(self, rollout: Rollout) -> dict[str, float]:
         """A pass over a rollout and over others; means of the losses, and how often the likeliest action was right."""
         self._shown.append(rollout)
-        sums = {"cloning_loss": 0.0, "value_loss": 0.0, "cloning_accuracy": 0.0}
+        sums: dict[str, float] = {}
         chosen = [len(self._shown) - 1, *self._order.integers(len(self._shown), size=self._config.epochs - 1)]
         for index in chosen:
             for name, value in self._pass(self._shown[index]).items():
-                sums[name] += value
+                sums[name] = sums.get(name, 0.0) + value
         batches = self._config.epochs * self._ppo.minibatches
         return {name: total / batches for name, total in sums.items()}
 
@@ -136,13 +137,18 @@ class Cloner:
             actions = rollout.actions[rows]
             cloning_loss = torch.nn.functional.cross_entropy(logits, actions)
             value_loss = 0.5 * (values - rollout.returns[rows]).square().mean()
-            self._optimizer.zero_grad(set_to_none=True)
-            (cloning_loss + self._ppo.value_coef * value_loss).backward()  # type: ignore[no-untyped-call]
             losses = {
                 "cloning_loss": cloning_loss.item(),
                 "value_loss": value_loss.item(),
                 "cloning_accuracy": (logits.argmax(dim=1) == actions).float().mean().item(),
             }
+            loss = cloning_loss + self._ppo.value_coef * value_loss
+            if self._ppo.foresight_coef:
+                foresight_loss = foresight_of(rollout, logits, rows, sequences.mask)
+                loss = loss + self._ppo.foresight_coef * foresight_loss
+                losses["foresight_loss"] = foresight_loss.item()
+            self._optimizer.zero_grad(set_to_none=True)
+            loss.backward()  # type: ignore[no-untyped-call]
             losses = average_gradients(self._policy.parameters(), losses, len(rows), self._workers)
             torch.nn.utils.clip_grad_norm_(self._policy.parameters(), self._config.max_grad_norm)
             self._optimizer.step()

@@ -21,6 +21,8 @@ HEADLINE_SEEDS = 5
 _NEVER = ("think.strategy=never",)
 _RECENT = ("think.context=5", "think.temperature=0.5")
 _BUDGET = ("think.budget=0.05", "think.budget_after=0.3", "think.dropout=0.2")
+# The price has 110 updates to find its level, and who foresees replies can do with fewer at once.
+_FORESIGHT = ("ppo.foresight_coef=1", "think.budget=0.05", "think.budget_after=0.3", "think.budget_lr=0.003")
 _BESIDE = ("learn_beside=true", "deterministic=false")
 _PRIVILEGED = ("planner.url=privileged", *FORCED)
 
@@ -29,7 +31,8 @@ NEVER_CLONED = Arm("never-cloned", (*_NEVER, "warm_start.demonstrator=bump-walke
 PAPER = Arm("agent-paper", ("think.reward=paper",), HEADLINE_SEEDS)
 THINK_COST = Arm("agent-think-cost")
 CLONE = Arm("agent-cloned", CLONED, HEADLINE_SEEDS)
-CLONE_BUDGET = Arm("agent-cloned-budget", (*CLONED, *_BUDGET), HEADLINE_SEEDS)
+CLONE_BUDGET = Arm("agent-cloned-budget", (*CLONED, *_BUDGET))
+FORESIGHT = Arm("agent-foresight", (*CLONED, *_FORESIGHT), HEADLINE_SEEDS)
 PERFECT = Arm("privileged", _PRIVILEGED)
 
 
@@ -66,6 +69,7 @@ def arms_of_single() -> tuple[Arm, ...]:
         NEVER,
         PAPER,
         CLONE,
+        FORESIGHT,
         CLONE_BUDGET,
         Arm("never-1m", (*_NEVER, "total_steps=1000000"), 3),
         NEVER_CLONED,
@@ -93,9 +97,9 @@ def arms_of_single() -> tuple[Arm, ...]:
 def arms_of_five() -> tuple[Arm, ...]:
     """Five homes: the headline arms, and what it takes to explain them."""
     masked = [arm for arm in controls_of(CLONE) if not arm.name.endswith("constant")]
-    return (NEVER, PAPER, CLONE, CLONE_BUDGET, NEVER_CLONED, THINK_COST, *masked, PERFECT)
+    return (NEVER, PAPER, CLONE, FORESIGHT, NEVER_CLONED, THINK_COST, *masked, PERFECT)
 
 
 def arms_of_unseen() -> tuple[Arm, ...]:
-    """Homes never seen: three arms, three seeds."""
-    return tuple(Arm(arm.name, arm.overrides) for arm in (NEVER, CLONE, PAPER))
+    """Homes never seen: four arms, three seeds."""
+    return tuple(Arm(arm.name, arm.overrides) for arm in (NEVER, CLONE, FORESIGHT, PAPER))

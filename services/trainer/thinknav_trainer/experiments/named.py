@@ -26,7 +26,7 @@ _DRAWN = (
     "never",
     "agent-paper",
     "agent-cloned",
-    "agent-cloned-budget",
+    "agent-foresight",
     "agent-think-cost",
     "never-cloned",
     "privileged",
