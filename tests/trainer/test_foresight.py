@@ -79,7 +79,7 @@ def test_what_a_reply_depends_on_is_learnt(
     policy = Policy(ObservationShape(32, 32, num_actions=5, thought_size=512), smoke.policy)
     actor = Actor(policy, 8, "float32", seed=0)
     shown = Demonstrations(env, actor, ThinkAndObey(8), Collector(env, actor, config), config)
-    cloner = Cloner(policy, WarmStartConfig(lr=5e-3, epochs=4, own_share=0), config, seed=0)
+    cloner = Cloner(policy, WarmStartConfig(lr=5e-3, epochs=4, own_share=0, foresight_coef=coefficient), config, seed=0)
     losses = [cloner.update(shown.collect()) for _ in range(12)]
     assert ("foresight_loss" in losses[-1]) == foresees
     rollout = shown.collect()
@@ -95,6 +95,7 @@ def test_what_a_reply_depends_on_is_learnt(
         assert 0 < PPO(policy, config).update(rollout)["foresight_loss"] < 0.05
 
 
-def test_who_never_thinks_has_nothing_to_foresee(smoke: TrainConfig) -> None:
-    with pytest.raises(ConfigError, match="foresight_coef"):
-        change_config(smoke, overrides=["think.strategy=never", "ppo.foresight_coef=1"])
+@pytest.mark.parametrize("section", ["ppo", "warm_start"])
+def test_who_never_thinks_has_nothing_to_foresee(smoke: TrainConfig, section: str) -> None:
+    with pytest.raises(ConfigError, match=f"{section}.foresight_coef"):
+        change_config(smoke, overrides=["think.strategy=never", f"{section}.foresight_coef=1"])

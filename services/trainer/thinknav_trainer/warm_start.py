@@ -143,9 +143,9 @@ class Cloner:
                 "cloning_accuracy": (logits.argmax(dim=1) == actions).float().mean().item(),
             }
             loss = cloning_loss + self._ppo.value_coef * value_loss
-            if self._ppo.foresight_coef:
+            if self._config.foresight_coef:
                 foresight_loss = foresight_of(rollout, logits, rows, sequences.mask)
-                loss = loss + self._ppo.foresight_coef * foresight_loss
+                loss = loss + self._config.foresight_coef * foresight_loss
                 losses["foresight_loss"] = foresight_loss.item()
             self._optimizer.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]

@@ -21,8 +21,7 @@ HEADLINE_SEEDS = 5
 _NEVER = ("think.strategy=never",)
 _RECENT = ("think.context=5", "think.temperature=0.5")
 _BUDGET = ("think.budget=0.05", "think.budget_after=0.3", "think.dropout=0.2")
-# The price has 110 updates to find its level, and who foresees replies can do with fewer at once.
-_FORESIGHT = ("ppo.foresight_coef=1", "think.budget=0.05", "think.budget_after=0.3", "think.budget_lr=0.003")
+_FORESIGHT = ("warm_start.foresight_coef=2",)
 _BESIDE = ("learn_beside=true", "deterministic=false")
 _PRIVILEGED = ("planner.url=privileged", *FORCED)
 
@@ -32,7 +31,7 @@ PAPER = Arm("agent-paper", ("think.reward=paper",), HEADLINE_SEEDS)
 THINK_COST = Arm("agent-think-cost")
 CLONE = Arm("agent-cloned", CLONED, HEADLINE_SEEDS)
 CLONE_BUDGET = Arm("agent-cloned-budget", (*CLONED, *_BUDGET))
-FORESIGHT = Arm("agent-foresight", (*CLONED, *_FORESIGHT), HEADLINE_SEEDS)
+FORESIGHT = Arm("agent-foresight", (*CLONED, *_BUDGET, *_FORESIGHT), HEADLINE_SEEDS)
 PERFECT = Arm("privileged", _PRIVILEGED)
 
 
