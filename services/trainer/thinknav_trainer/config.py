@@ -189,9 +189,6 @@ class PPOConfig(Section):
     tau: float = Field(0.95, ge=0, le=1, description="lambda of generalised advantage estimation")
     value_coef: float = Field(0.5, ge=0, description="weight of the value loss")
     entropy_coef: float = Field(0.01, ge=0, description="weight of the entropy bonus")
-    foresight_coef: float = Field(
-        0.0, ge=0, description="weight of learning to do untold what one does once told (docs/thinking.md)"
-    )
     max_grad_norm: float = Field(0.2, gt=0, description="gradients are clipped to this norm")
     clip_value_loss: bool = Field(True, description="clip the value's change, as Habitat does")
     normalize_advantages: bool = Field(True, description="zero mean, unit deviation over a rollout (Habitat: off)")
@@ -222,7 +219,9 @@ class WarmStartConfig(Section):
     remembered: int = Field(64, ge=1, description="rollouts of demonstrations that are kept to be gone through again")
     lr: float = Field(1e-3, gt=0, description="Adam's learning rate while imitating")
     max_grad_norm: float = Field(1.0, gt=0, description="gradients are clipped to this norm while imitating")
-    foresight_coef: float = Field(0.0, ge=0, description="the same as ppo.foresight_coef, while imitating")
+    foresight_coef: float = Field(
+        0.0, ge=0, description="weight of learning to do untold what one does once told (docs/thinking.md)"
+    )
 
 
 class WorkersConfig(Section):
@@ -299,9 +298,8 @@ class TrainConfig(Section):
             raise ValueError("think.budget needs a reward scheme that charges thinks; task does not")
         if self.think.dropout and self.think.strategy not in ("agent", "every_n"):
             raise ValueError(f"think.dropout is for strategies agent and every_n, not {self.think.strategy}")
-        for section, coefficient in (("ppo", self.ppo.foresight_coef), ("warm_start", self.warm_start.foresight_coef)):
-            if coefficient and self.think.strategy == "never":
-                raise ValueError(f"{section}.foresight_coef is for strategies that think, not never")
+        if self.warm_start.foresight_coef and self.think.strategy == "never":
+            raise ValueError("warm_start.foresight_coef is for strategies that think, not never")
         return self
 
     @property

@@ -18,7 +18,6 @@ from thinknav_trainer.config import PPOConfig
 from thinknav_trainer.data_parallel import average_gradients, mean_and_deviation
 from thinknav_trainer.dumps import NotFinite
 from thinknav_trainer.forcing import FORCED_THINK, acting_log_probs
-from thinknav_trainer.foresight import foresight_of
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.precision import autocast
 from thinknav_trainer.rollout import Rollout
@@ -36,7 +35,6 @@ class PPO:
         self.optimizer = torch.optim.Adam(policy.parameters(), lr=config.lr, eps=config.adam_eps, fused=True)
         self._order = np.random.default_rng(seed)
         self._workers = workers
-        self._losses = LOSSES + (("foresight_loss",) if config.foresight_coef else ())
 
     def update(self, rollout: Rollout, remaining: float = 1.0) -> dict[str, float]:
         """Several epochs over a rollout; means of the losses. remaining: share of the run that is left, for lr_decay.
@@ -72,7 +70,7 @@ class PPO:
         evidence = partial(self._evidence, rollout, advantages, chosen)
         self.optimizer.zero_grad(set_to_none=True)
         # A worker whose rollout was cut short may have no sequence left, but the others wait for it.
-        losses, weight = dict.fromkeys(self._losses, 0.0), 0
+        losses, weight = dict.fromkeys(LOSSES, 0.0), 0
         if len(chosen):
             losses, weight = self._backward(rollout, observations, advantages, chosen, evidence)
         losses = average_gradients(self.policy.parameters(), losses, weight, self._workers)
@@ -110,10 +108,6 @@ class PPO:
         entropy = -(log_probs.exp() * log_probs).sum(dim=1).mean()
         loss = policy_loss + self.config.value_coef * value_loss - self.config.entropy_coef * entropy
         losses = {"policy_loss": policy_loss.item(), "value_loss": value_loss.item(), "entropy": entropy.item()}
-        if self.config.foresight_coef:
-            foresight_loss = foresight_of(rollout, logits, rows, sequences.mask)
-            loss = loss + self.config.foresight_coef * foresight_loss
-            losses["foresight_loss"] = foresight_loss.item()
         wrong = [name for name, value in losses.items() if not math.isfinite(value)]
         if wrong:
             raise NotFinite(f"{', '.join(wrong)} of an update: {losses}", evidence())
