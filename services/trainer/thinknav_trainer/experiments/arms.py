@@ -79,6 +79,7 @@ def arms_of_single() -> tuple[Arm, ...]:
         Arm("agent-prior", ("policy.think_bias=1",)),
         Arm("agent-forced", FORCED),
         Arm("agent-cloned-forced", (*CLONED, *FORCED)),
+        Arm("agent-cloned-paper", (*CLONED, *PAPER.overrides)),
         Arm("agent-cloned-context", (*CLONED, *_RECENT)),
         Arm("every-n", ("think.strategy=every_n",)),
         Arm("once", ("think.strategy=once",)),
