@@ -26,6 +26,7 @@ _BESIDE = ("learn_beside=true", "deterministic=false")
 _PRIVILEGED = ("planner.url=privileged", *FORCED)
 
 NEVER = Arm("never", _NEVER, HEADLINE_SEEDS)
+NEVER_1M = Arm("never-1m", (*_NEVER, "total_steps=1000000"))
 NEVER_CLONED = Arm("never-cloned", (*_NEVER, "warm_start.demonstrator=bump-walker", *CLONED))
 PAPER = Arm("agent-paper", ("think.reward=paper",), HEADLINE_SEEDS)
 THINK_COST = Arm("agent-think-cost")
@@ -70,7 +71,7 @@ def arms_of_single() -> tuple[Arm, ...]:
         CLONE,
         FORESIGHT,
         CLONE_BUDGET,
-        Arm("never-1m", (*_NEVER, "total_steps=1000000"), 3),
+        NEVER_1M,
         NEVER_CLONED,
         Arm("never-beside", (*_NEVER, *_BESIDE)),
         Arm("agent-cloned-beside", (*CLONED, *_BESIDE)),
@@ -97,7 +98,7 @@ def arms_of_single() -> tuple[Arm, ...]:
 def arms_of_five() -> tuple[Arm, ...]:
     """Five homes: the headline arms, and what it takes to explain them."""
     masked = [arm for arm in controls_of(CLONE) if not arm.name.endswith("constant")]
-    return (NEVER, PAPER, CLONE, FORESIGHT, NEVER_CLONED, THINK_COST, *masked, PERFECT)
+    return (NEVER, PAPER, CLONE, FORESIGHT, NEVER_1M, NEVER_CLONED, THINK_COST, *masked, PERFECT)
 
 
 def arms_of_unseen() -> tuple[Arm, ...]:

@@ -1,5 +1,5 @@
-"""Learning curves of an experiment as the paper's figures 5 and 6 have them: success, SPL, SoftSPL and distance to goal
-against environment steps; the mean over seeds, and its 95 % band (Student's).
+"""Learning curves of an experiment: success, SPL, SoftSPL and distance to goal against environment steps, as the paper's
+figures 5 and 6 have them, and how often it thinks, and thinks to farm; the mean over seeds, and its 95 % band (Student's).
 
 Knows the lines of a ledger; nothing of runs.
 """
@@ -22,8 +22,10 @@ from thinknav_trainer.statistics import student_interval
 PANELS = {
     "success": "Success",
     "spl": "SPL",
+    "think_rate": "Thinks, a share of the steps",
     "soft_spl": "SoftSPL",
     "distance_to_goal": "Distance to goal at the end, m",
+    "think_loops": "Steps in think–agree loops, a share",
 }
 MOST_LINES = 8
 # Okabe and Ito's, which people tell apart who see colours otherwise; and lines that differ without colour.
@@ -42,8 +44,8 @@ def draw_curves(experiment: Experiment, lines: Sequence[Line]) -> dict[str, byte
     drawn = [name for name in (experiment.drawn or tuple(arms))[:MOST_LINES] if name in arms]
     if not drawn:
         return None
-    figure = matplotlib.figure.Figure(figsize=(9.6, 6.6), layout="constrained")
-    grid = figure.subplots(2, 2, sharex=True)
+    figure = matplotlib.figure.Figure(figsize=(13.2, 6.6), layout="constrained")
+    grid = figure.subplots(2, 3, sharex=True)
     for axes, (measure, title) in zip(grid.flat, PANELS.items(), strict=True):
         for place, name in enumerate(drawn):
             _draw(axes, _over_seeds(arms[name], measure), COLORS[place], DASHES[place])
@@ -55,7 +57,7 @@ def draw_curves(experiment: Experiment, lines: Sequence[Line]) -> dict[str, byte
         for place in range(len(drawn))
     ]
     labels = [_label(name, arms[name], experiment) for name in drawn]
-    figure.legend(handles, labels, loc="outside upper center", ncols=min(4, len(drawn)), frameon=False, fontsize=9)
+    figure.legend(handles, labels, loc="outside upper center", ncols=min(5, len(drawn)), frameon=False, fontsize=9)
     return {ending: _saved(figure, ending) for ending in ("svg", "png")}
 
 
