@@ -21,18 +21,17 @@ HEADLINE_SEEDS = 5
 _NEVER = ("think.strategy=never",)
 _RECENT = ("think.context=5", "think.temperature=0.5")
 _BUDGET = ("think.budget=0.05", "think.budget_after=0.3", "think.dropout=0.2")
-_FORESIGHT = ("warm_start.foresight_coef=2",)
+_FORESIGHT = ("warm_start.foresight_coef=2", "think.budget_after=0.1")
 _BESIDE = ("learn_beside=true", "deterministic=false")
 _PRIVILEGED = ("planner.url=privileged", *FORCED)
 
 NEVER = Arm("never", _NEVER, HEADLINE_SEEDS)
-NEVER_1M = Arm("never-1m", (*_NEVER, "total_steps=1000000"))
 NEVER_CLONED = Arm("never-cloned", (*_NEVER, "warm_start.demonstrator=bump-walker", *CLONED))
 PAPER = Arm("agent-paper", ("think.reward=paper",), HEADLINE_SEEDS)
 THINK_COST = Arm("agent-think-cost")
 CLONE = Arm("agent-cloned", CLONED, HEADLINE_SEEDS)
 CLONE_BUDGET = Arm("agent-cloned-budget", (*CLONED, *_BUDGET))
-FORESIGHT = Arm("agent-foresight", (*CLONED, *_BUDGET, *_FORESIGHT), HEADLINE_SEEDS)
+FORESIGHT = Arm("agent-foresight", (*CLONED, *_BUDGET, *_FORESIGHT))
 PERFECT = Arm("privileged", _PRIVILEGED)
 
 
@@ -54,6 +53,12 @@ ROWS = (
 )
 
 
+def longer(arm: Arm, steps: int) -> Arm:
+    """An arm with so many steps of training."""
+    name = f"{steps // 1_000_000}m" if steps % 1_000_000 == 0 else f"{steps // 1000}k"
+    return Arm(f"{arm.name}-{name}", (*arm.overrides, f"total_steps={steps}"))
+
+
 def controls_of(arm: Arm) -> tuple[Arm, ...]:
     """An arm with what it is told replaced, in training and evaluation, in three ways."""
     return tuple(
@@ -71,7 +76,8 @@ def arms_of_single() -> tuple[Arm, ...]:
         CLONE,
         FORESIGHT,
         CLONE_BUDGET,
-        NEVER_1M,
+        longer(NEVER, 1_000_000),
+        *(longer(arm, 480_000) for arm in (NEVER, CLONE, FORESIGHT)),
         NEVER_CLONED,
         Arm("never-beside", (*_NEVER, *_BESIDE)),
         Arm("agent-cloned-beside", (*CLONED, *_BESIDE)),
@@ -98,7 +104,7 @@ def arms_of_single() -> tuple[Arm, ...]:
 def arms_of_five() -> tuple[Arm, ...]:
     """Five homes: the headline arms, and what it takes to explain them."""
     masked = [arm for arm in controls_of(CLONE) if not arm.name.endswith("constant")]
-    return (NEVER, PAPER, CLONE, FORESIGHT, NEVER_1M, NEVER_CLONED, THINK_COST, *masked, PERFECT)
+    return (NEVER, PAPER, CLONE, FORESIGHT, longer(NEVER, 1_000_000), NEVER_CLONED, THINK_COST, *masked, PERFECT)
 
 
 def arms_of_unseen() -> tuple[Arm, ...]:

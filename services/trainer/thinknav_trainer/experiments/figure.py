@@ -1,5 +1,6 @@
-"""Learning curves of an experiment: success, SPL, SoftSPL and distance to goal against environment steps, as the paper's
-figures 5 and 6 have them, and how often it thinks, and thinks to farm; the mean over seeds, and its 95 % band (Student's).
+"""Learning curves of an experiment: success, SPL, SoftSPL and distance to goal against environment steps, as the
+paper's figures 5 and 6 have them, and how often an arm thinks, and does so in loops; the mean over seeds, and its 95 %
+band (Student's).
 
 Knows the lines of a ledger; nothing of runs.
 """
