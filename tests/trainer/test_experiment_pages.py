@@ -12,6 +12,7 @@ from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_trainer.cli import app
 from thinknav_trainer.config import ConfigError, load_config
 from thinknav_trainer.experiments import AgentRow, named_experiment, write_results
+from thinknav_trainer.experiments.figure import PANELS
 from thinknav_trainer.experiments.job import jobs_of
 from thinknav_trainer.experiments.ledger import Ledger
 from thinknav_trainer.experiments.named import SIMPLEST
@@ -43,7 +44,7 @@ def fill(folder: Path) -> Ledger:
     """A ledger as runs would leave it."""
     ledger = Ledger(folder, SHORT.full_name)
     curve = {"steps": [100.0, 200.0, 300.0]}
-    curve |= {name: [0.0, 0.1, 0.2] for name in ("success", "spl", "soft_spl", "distance_to_goal")}
+    curve |= {name: [0.0, 0.1, 0.2] for name in PANELS}
     for job in jobs_of(SHORT):
         if job.seed >= len(SUCCESS[job.arm]):
             continue
