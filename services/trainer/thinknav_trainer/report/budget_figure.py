@@ -3,9 +3,13 @@
 from collections.abc import Sequence
 
 import matplotlib.figure
+from matplotlib.axes import Axes
+from matplotlib.ticker import FixedLocator, NullLocator
 
 from thinknav_trainer.budget_curve import Curve
 from thinknav_trainer.report.curves import COLORS, GRID, INK, to_svg
+
+_CALLS = (0, 0.5, 1, 2, 5, 10, 20, 50, 100, 200)  # ticks
 
 
 def draw_budget_curves(curves: Sequence[Curve], as_learnt: str, measure: str = "spl", label: str = "SPL") -> str:
@@ -24,10 +28,20 @@ def draw_budget_curves(curves: Sequence[Curve], as_learnt: str, measure: str = "
                 axes.plot([x], [y], "o", markersize=10, fillstyle="none", color=color, label="as it learnt to think")
     axes.set_xlabel("calls of the planner in an episode", fontsize=9, color=INK)
     axes.set_title(f"{label} against calls", loc="left", fontsize=10, color=INK, fontweight="bold")
-    axes.set_xlim(left=-0.02 * axes.get_xlim()[1])
-    axes.set_ylim(-0.02, 1.02)
+    _scale_calls(axes)
+    axes.set_ylim(bottom=0)
     axes.tick_params(labelsize=8, colors=INK)
     axes.grid(color=GRID)
     axes.spines[["top", "right"]].set_visible(False)
-    axes.legend(fontsize=8, frameon=False)
+    axes.legend(fontsize=8, frameon=False, loc="lower right")
     return to_svg(figure)
+
+
+def _scale_calls(axes: Axes) -> None:
+    """Linear to one call, logarithmic above: a policy that has learnt when to think is at the far left."""
+    most = axes.get_xlim()[1]
+    axes.set_xscale("symlog", linthresh=1, linscale=0.6)
+    axes.xaxis.set_major_locator(FixedLocator([tick for tick in _CALLS if tick <= most]))
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.set_xlim(-0.04, most)

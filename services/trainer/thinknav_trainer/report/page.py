@@ -13,6 +13,7 @@ from thinknav_trainer.evaluate import EpisodeRecord, read_evaluation
 from thinknav_trainer.report.asks import asking_situations, draw_asks
 from thinknav_trainer.report.curves import draw_curve, panels
 from thinknav_trainer.report.floor_map import draw_floor_map, draw_path
+from thinknav_trainer.report.replies import what_it_was_told
 from thinknav_trainer.report.video import Played, to_png, write_video
 from thinknav_trainer.run import RunError, read_config, read_metrics
 from thinknav_trainer.scenes import make_homes
@@ -91,6 +92,7 @@ def _draw(folder: Path, record: EpisodeRecord, records: Sequence[EpisodeRecord])
     return {
         "asks_uri": "data:image/png;base64," + base64.b64encode(asks).decode(),
         "situations": asking_situations(here, scene, grid),
+        "told": what_it_was_told(here),
         "episodes_here": len(here),
         "map_uri": "data:image/png;base64," + base64.b64encode(picture).decode(),
         "video_uri": "data:video/mp4;base64," + base64.b64encode(video.read_bytes()).decode(),
