@@ -221,12 +221,13 @@ def load_network(path: Path = SHIPPED_FILE) -> TaughtNetwork:
 
 
 def _pixels(frame: NDArray[np.uint8]) -> Tensor:
-    """A frame (H, W, 3) uint8 as the network takes it: (128, 128, 3) uint8, or float32 where it had another size."""
+    """A frame (H, W, 3) uint8 as the network takes it: (128, 128, 3), float32 where pixels had to be averaged."""
     if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype != np.uint8 or not frame.size:
         raise ValueError(f"a frame must be (H, W, 3) uint8, not {frame.shape} {frame.dtype}")
+    if IMAGE_SIZE % frame.shape[0] == 0 == IMAGE_SIZE % frame.shape[1]:  # each area is of one pixel: no averages
+        rows, columns = (IMAGE_SIZE // side for side in frame.shape[:2])
+        return torch.from_numpy(frame.repeat(rows, axis=0).repeat(columns, axis=1))
     pixels = torch.from_numpy(np.array(frame))  # a copy: what a decoder gives may not be writable
-    if frame.shape[:2] == (IMAGE_SIZE, IMAGE_SIZE):
-        return pixels
     sized = functional.interpolate(pixels.permute(2, 0, 1)[None].float(), (IMAGE_SIZE, IMAGE_SIZE), mode="area")
     return sized[0].permute(1, 2, 0)
 

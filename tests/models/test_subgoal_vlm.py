@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 import torch
 from numpy.typing import NDArray
+from torch import Tensor
+from torch.nn import functional
 
 from thinknav_models.subgoal_language import DIRECTIONS, Vocabulary
 from thinknav_models.subgoal_network import NetworkConfig, SubgoalNetwork, ViewTrunk, fold_normalisation
@@ -124,6 +126,18 @@ def test_a_frame_of_another_size_is_the_same_picture() -> None:
     large = frame(0).repeat(2, axis=0).repeat(2, axis=1)
     one, other = model.directions([Question(frame(0), "chair"), Question(large, "chair")])
     np.testing.assert_allclose(one, other, atol=1e-5)
+
+
+@pytest.mark.parametrize("sides", [(64, 64), (32, 128), (128, 16), (48, 64), (200, 256)])
+def test_a_frame_is_scaled_by_areas(sides: tuple[int, int]) -> None:
+    """A small one without averaging, which is the same where each area lies in one pixel."""
+    model = make_model()
+    pixels = np.random.default_rng(0).integers(0, 256, (*sides, 3), dtype=np.uint8)
+    areas = functional.interpolate(torch.from_numpy(pixels).permute(2, 0, 1)[None].float(), (128, 128), mode="area")
+    seen: list[Tensor] = []
+    model.network.trunk.register_forward_pre_hook(lambda _, views: seen.append(views[0]))
+    model.answer([Question(pixels, "chair")])
+    assert torch.equal(seen[0].float(), areas.permute(0, 2, 3, 1))
 
 
 @pytest.mark.parametrize(
