@@ -12,7 +12,7 @@ from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import PlannerFailed, SubgoalReply, SubgoalRequest
 from thinknav_sim.task_config import Action
 from thinknav_trainer.config import ConfigError, TrainConfig, change_config
-from thinknav_trainer.control import CONTROLS, DIRECTIONS, NOTHING, Control, ControlName
+from thinknav_trainer.control import ALWAYS, CONTROLS, DIRECTIONS, NOTHING, Control, ControlName
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.evaluate_agent import Setting, evaluate_agent
 from thinknav_trainer.home_sets import parse_home_set
@@ -107,13 +107,14 @@ def test_none_changes_nothing_and_what_is_remembered_is_kept() -> None:
 
 def test_the_policy_sees_what_the_control_tells(thinking_env: MakeThinkingEnv, smoke: TrainConfig) -> None:
     base = thinking_env(lambda request: "turn right", count=3, reward="paper")
-    planner = PlannerClient(MockTransport(lambda request: "turn right"))
     think = np.full(3, Action.THINK)
     judged = {}
     for name in CONTROLS:
+        planner = PlannerClient(MockTransport(lambda request: "turn right"))
         env = ThinkingEnv(base.env, base._config, planner, control=name)
         env.reset()
         step = env.step(think)
+        assert planner.counts.asked == (3 if name in ("none", "another") else 0)  # what nobody hears is not asked
         seen = step.observations["thought"]
         assert seen.any() == (name != "zeros")
         judged[name] = env.step(np.full(3, Action.TURN_RIGHT)).rewards - smoke.env.slack_reward
@@ -121,6 +122,20 @@ def test_the_policy_sees_what_the_control_tells(thinking_env: MakeThinkingEnv, s
     assert judged["another"] == pytest.approx(0.1, abs=1e-6)
     assert judged["zeros"] == pytest.approx(0, abs=1e-6)
     assert judged["constant"] == pytest.approx(-0.1, abs=1e-6)
+
+
+def test_a_plan_that_nobody_hears_has_one_step(thinking_env: MakeThinkingEnv) -> None:
+    base = thinking_env(lambda request: "turn right", count=2)
+    config = base._config.model_copy(update={"strategy": "once"})
+    told: dict[ControlName, str] = {"constant": ALWAYS, "zeros": NOTHING}
+    for name, words in told.items():
+        env = ThinkingEnv(base.env, config, PlannerClient(MockTransport(lambda request: "turn right")), control=name)
+        env.reset()
+        step = env.step(np.full(2, Action.THINK))
+        assert [thought.subgoal for thought in step.thoughts] == [words] * 2
+        assert step.observations["thought"].any() == (name == "constant")
+        env.step(np.full(2, Action.MOVE_FORWARD))
+        assert not env.step(np.full(2, Action.TURN_LEFT)).observations["thought"].any()
 
 
 def test_trained_and_tested_with_controls(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:

@@ -1,4 +1,4 @@
-"""How the thoughts of N envs are asked for: waited for together, or one by one while the other envs go on.
+"""How the thoughts of N envs are asked for: waited for together, one by one while the other envs go on, or not at all.
 
 Knows requests and replies by the env that asks; nothing of what a thought does to it.
 """
@@ -7,8 +7,12 @@ from collections.abc import Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from typing import Protocol
 
-from thinknav_proto import SubgoalRequest
+import numpy as np
+
+from thinknav_proto import EMBEDDING_DIMENSION, PlannerInfo, SubgoalReply, SubgoalRequest, Timings
 from thinknav_trainer.planner import Answer, PlannerClient
+
+UNHEARD = "unheard"
 
 
 class Asking(Protocol):
@@ -56,3 +60,32 @@ class AskApart:
             wait(self._futures.values(), return_when=FIRST_COMPLETED)
         done = sorted(env for env, future in self._futures.items() if future.done())
         return {env: self._futures.pop(env).result() for env in done}
+
+
+class AskNobody:
+    """Answers at once, with words that stand for any: for agents who are not told what their planner says.
+
+    info: whom they believe to ask.
+    """
+
+    def __init__(self, info: PlannerInfo) -> None:
+        self._info = info
+        self._requests: dict[int, SubgoalRequest] = {}
+
+    def ask(self, requests: Mapping[int, SubgoalRequest]) -> None:
+        self._requests |= requests
+
+    def replies(self, must_wait: bool) -> dict[int, Answer]:  # noqa: ARG002 - there is nothing to wait for
+        asked, self._requests = sorted(self._requests.items()), {}
+        return {env: self._unheard(request) for env, request in asked}
+
+    def _unheard(self, request: SubgoalRequest) -> SubgoalReply:
+        return SubgoalReply(
+            request_id=request.request_id,
+            subgoal=UNHEARD,
+            instructions=(UNHEARD,) if request.mode == "plan" else (),
+            embedding=np.zeros(EMBEDDING_DIMENSION, np.float32),
+            embedding_space=self._info.embedding_space,
+            planner=self._info.identity,
+            timings=Timings(queued=0.0, planned=0.0, embedded=0.0),
+        )

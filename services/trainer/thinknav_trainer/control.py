@@ -1,7 +1,8 @@
 """Controls that can sink the claim that thinking helps: what a policy is told is replaced, whoever the planner is.
 
-The planner is asked and charged as ever, and what it says is thrown away. A policy that does as well with such replies
-did not use what it was told. Knows replies by the env that they are for; nothing of rewards and of transports.
+Agents are charged as ever, and what the planner says is thrown away; where no agent would hear it, it is not asked. A
+policy that does as well with such replies did not use what it was told. Knows replies by the env that they are for;
+nothing of rewards and of transports.
 """
 
 import zlib
@@ -19,6 +20,8 @@ from thinknav_trainer.planner import Answer
 
 ControlName = Literal["none", "zeros", "another", "constant", "random"]
 CONTROLS: tuple[ControlName, ...] = get_args(ControlName)
+
+UNASKED = frozenset({"zeros", "constant", "random"})  # in these nobody hears anything of what the planner says
 
 NOTHING = "nothing"  # no direction word, so that it judges nothing
 ALWAYS = "move forward"

@@ -24,9 +24,9 @@ from thinknav_sim.observations import Observations
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
-from thinknav_trainer.asking import Asking, AskTogether
+from thinknav_trainer.asking import Asking, AskNobody, AskTogether
 from thinknav_trainer.config import ThinkConfig
-from thinknav_trainer.control import Control, ControlName
+from thinknav_trainer.control import UNASKED, Control, ControlName
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.farming import farming_measures
 from thinknav_trainer.forcing import FORCED_THINK
@@ -120,7 +120,7 @@ class ThinkingEnv:
         if isinstance(planner, EmbeddedPlanner):  # nothing travels
             config = config.model_copy(update={"frame_encoding": "raw"})
         self._config = config
-        self._asking = None if planner is None else _asking_of(planner, env, asking)
+        self._asking = None if planner is None else _asking_of(planner, env, asking, control)
         self._patience = Patience(config.patience)
         self._discount = discount
         self._scheme = REWARD_SCHEMES[config.reward]
@@ -428,8 +428,15 @@ class ThinkingEnv:
         self.think(np.array(state["parked"], np.int64))
 
 
-def _asking_of(planner: PlannerClient, env: ObjectNavVectorEnv, asking: Callable[[PlannerClient], Asking]) -> Asking:
+def _asking_of(
+    planner: PlannerClient,
+    env: ObjectNavVectorEnv,
+    asking: Callable[[PlannerClient], Asking],
+    control: ControlName,
+) -> Asking:
     """Whoever answers in our own process keeps nobody waiting for others: it is asked all at once."""
+    if control in UNASKED:
+        return AskNobody(planner.info)
     if isinstance(planner, PrivilegedPlanner):
         return planner.asking(env)
     return AskTogether(planner) if isinstance(planner, EmbeddedPlanner) else asking(planner)

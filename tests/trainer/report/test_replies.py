@@ -1,7 +1,5 @@
 """What an agent was told, and whether it did so."""
 
-import pytest
-
 from thinknav_sim.task_config import Action
 from thinknav_trainer.records import MEASURES, EpisodeRecord
 from thinknav_trainer.report.replies import Told, what_it_was_told
@@ -20,10 +18,10 @@ def test_replies_are_counted_by_direction_and_by_whether_the_next_step_followed(
     second = record([LEFT, THINK, STOP], [(1, "stop, the bed is right ahead")])
     third = record([THINK, FORWARD], [(0, "nothing in sight")])
     assert what_it_was_told([first, second, third]) == [
-        Told("left", pytest.approx(2 / 5), 0.5),
-        Told("right", pytest.approx(1 / 5), 0.0),  # the episode ended with the think: nothing followed
-        Told("stop", pytest.approx(1 / 5), 1.0),
-        Told("no direction", pytest.approx(1 / 5), 0.0),
+        Told("left", 2 / 5, 0.5),
+        Told("right", 1 / 5, 0.0),  # the episode ended with the think: nothing followed
+        Told("stop", 1 / 5, 1.0),
+        Told("no direction", 1 / 5, 0.0),
     ]
 
 
