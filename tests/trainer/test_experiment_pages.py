@@ -17,6 +17,7 @@ from thinknav_trainer.experiments.job import jobs_of
 from thinknav_trainer.experiments.ledger import Ledger
 from thinknav_trainer.experiments.named import SIMPLEST
 from thinknav_trainer.experiments.results_page import with_tables
+from thinknav_trainer.experiments.summary import summarize
 from thinknav_trainer.experiments.work import hears_its_planner
 from thinknav_trainer.scenes import make_homes
 from thinknav_trainer.simple_homes import rank_homes
@@ -82,6 +83,19 @@ def test_the_result_file_has_the_form_that_was_agreed(tmp_path: Path) -> None:
     assert result["agents"]["planner-only"]["success"] == 0.65
     assert result["protocol"]["seeds"]["agent-paper"] == [0, 1, 2]
     assert result["protocol"]["same_rgb_features"] is True
+
+
+def test_arms_with_more_steps_stand_over_a_baseline_with_as_many() -> None:
+    names = ["never", "agent-cloned", "never-480k", "agent-cloned-480k", "never-1m"]
+    lines = [
+        {"arm": name, "seed": seed, "agent": None, "version": "1", "commit": "a", "planner": None, "privileged": False}
+        | {"split": "held_out", "episodes": 9, "scenes": ["h"], "wall_seconds": 1, "measures": measures(success)}
+        for name, success in zip(names, (0.2, 0.8, 0.4, 0.9, 0.6), strict=True)
+        for seed in range(3)
+    ]
+    found = summarize(SINGLE.with_arms(names), lines)["ratios"]
+    assert set(found) == {"agent-best/never", "agent-cloned-480k/never-480k"}
+    assert found["agent-cloned-480k/never-480k"]["success"]["mean"] == pytest.approx(2.25)
 
 
 def test_the_table_says_what_it_is(tmp_path: Path) -> None:

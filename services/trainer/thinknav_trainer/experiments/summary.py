@@ -70,12 +70,17 @@ def _rounded(row: dict[str, float | None]) -> Stats:
 
 
 def _compared(experiment: Experiment, arms: dict[str, list[Line]]) -> dict[str, tuple[list[Line], list[Line]]]:
-    """What stands over the baseline, by the name of the ratio."""
+    """What stands over the baseline, by the name of the ratio; arms with other steps over a baseline with as many."""
     baseline = experiment.baseline
     if baseline is None or baseline not in arms:
         return {}
     wanted = {BEST: experiment.best, PAPER: PAPER}
-    return {f"{name}/{baseline}": (arms[arm], arms[baseline]) for name, arm in wanted.items() if arm in arms}
+    pairs = {f"{name}/{baseline}": (arms[arm], arms[baseline]) for name, arm in wanted.items() if arm in arms}
+    steps = {name: experiment.config(arm, 0).total_steps for name, arm in _named(experiment).items() if name in arms}
+    for longer in (name for name in arms if name.startswith(f"{baseline}-") and steps[name] != steps[baseline]):
+        as_long = (name for name in arms if steps[name] == steps[longer] and name != longer)
+        pairs |= {f"{name}/{longer}": (arms[name], arms[longer]) for name in as_long}
+    return pairs
 
 
 def _compare(over: list[Line], under: list[Line], ratio: bool) -> dict[str, Stats]:
