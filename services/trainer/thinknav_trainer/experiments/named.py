@@ -20,8 +20,7 @@ FIRST_LIGHT = Experiment(
     arms=(Arm("privileged"), Arm("shuffled", ("planner.privileged.shuffled=true",))),
 )
 
-_QUICK_ARMS = ("never", "agent-paper", "agent-cloned", "privileged")
-_SMOKE_ARMS = ("never", "agent-paper", "agent-cloned")
+_STORY = ("never", "agent-paper", "agent-cloned")  # arms of the shorter forms
 _DRAWN = (
     "never",
     "agent-paper",
@@ -43,8 +42,8 @@ SINGLE = Experiment(
     arms=arms_of_single(),
     rows=ROWS,
     drawn=_DRAWN,
-    quick=Form(_QUICK_ARMS, 2, ("total_steps=40000", "scenes.episodes=300"), warm_start=15_000),
-    smoke=_SMOKE_ARMS,
+    quick=Form(_STORY, 2, ("total_steps=40000", "scenes.episodes=300"), warm_start=15_000),
+    smoke=_STORY,
     **HEADLINE,
 )
 
@@ -57,12 +56,12 @@ FIVE = Experiment(
     rows=ROWS,
     drawn=_DRAWN,
     quick=Form(
-        _QUICK_ARMS,
+        _STORY,
         1,
         ("total_steps=60000", f"scenes.chosen={list(SIMPLEST[:2])}", "scenes.episodes=200"),
         warm_start=20_000,
     ),
-    smoke=_SMOKE_ARMS,
+    smoke=_STORY,
     **HEADLINE,
 )
 
@@ -77,13 +76,13 @@ UNSEEN = Experiment(
     evaluated_in=EvaluatedIn("val:0-32", 192),
     drawn=_DRAWN,
     quick=Form(
-        ("never", "agent-paper", "agent-cloned"),
+        _STORY,
         1,
         ("total_steps=60000", "scenes.homes=8"),
         warm_start=20_000,
         evaluated_in=EvaluatedIn("val:0-8", 48),
     ),
-    smoke=_SMOKE_ARMS,
+    smoke=_STORY,
     **HEADLINE,
 )
 
