@@ -434,7 +434,9 @@ def _asking_of(
     asking: Callable[[PlannerClient], Asking],
     control: ControlName,
 ) -> Asking:
-    """Whoever answers in our own process keeps nobody waiting for others: it is asked all at once."""
+    """Whoever answers in our own process keeps nobody waiting for others: it is asked all at once. Whom nobody would
+    hear is not asked.
+    """
     if control in UNASKED:
         return AskNobody(planner.info)
     if isinstance(planner, PrivilegedPlanner):

@@ -76,7 +76,7 @@ def _compared(experiment: Experiment, arms: dict[str, list[Line]]) -> dict[str, 
         return {}
     wanted = {BEST: experiment.best, PAPER: PAPER}
     pairs = {f"{name}/{baseline}": (arms[arm], arms[baseline]) for name, arm in wanted.items() if arm in arms}
-    steps = {name: experiment.config(arm, 0).total_steps for name, arm in _named(experiment).items() if name in arms}
+    steps = _total_steps(experiment)
     for longer in (name for name in arms if name.startswith(f"{baseline}-") and steps[name] != steps[baseline]):
         as_long = (name for name in arms if steps[name] == steps[longer] and name != longer)
         pairs |= {f"{name}/{longer}": (arms[name], arms[longer]) for name in as_long}
@@ -106,7 +106,7 @@ def protocol_of(
         BEST: experiment.best,
         "seeds": {name: [line["seed"] for line in own] for name, own in arms.items()},
         "seeds_wanted": wanted,
-        "total_steps": {name: experiment.config(arm, 0).total_steps for name, arm in _named(experiment).items()},
+        "total_steps": _total_steps(experiment),
         "split": first["split"],
         "episodes": first["episodes"],
         "scenes": first["scenes"],
@@ -134,8 +134,8 @@ def command_of(experiment: Experiment) -> str:
     return f"thinknav {'reproduce' if experiment.reproduces else 'experiment'} {experiment.name}{form}"
 
 
-def _named(experiment: Experiment) -> dict[str, Arm]:
-    return {arm.name: arm for arm in experiment.arms}
+def _total_steps(experiment: Experiment) -> dict[str, int]:
+    return {arm.name: experiment.config(arm, 0).total_steps for arm in experiment.arms}
 
 
 def _same_features(experiment: Experiment) -> bool:
