@@ -20,7 +20,7 @@ from thinknav_trainer.experiments import (
 from thinknav_trainer.interrupt import interruption
 
 Seeds = Annotated[int | None, typer.Option(min=1, help="of each arm; default: as many as it has")]
-Arms = Annotated[str | None, typer.Option(help="some of the arms, separated by commas; default: all")]
+Arms = Annotated[str | None, typer.Option(help="train some of the arms alone, separated by commas; default: all")]
 Jobs = Annotated[int, typer.Option(min=1, help="runs at a time; more than one: each with one thread")]
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="one key, in every arm")]
 Runs = Annotated[Path, typer.Option(help="folder of all runs")]
@@ -45,8 +45,8 @@ def experiment(
     table: Table = False,
 ) -> None:
     """Train and evaluate the arms of an experiment; the same command goes on with what was begun."""
-    wanted = Wanted(seeds, jobs, tuple(overrides or ()))
-    _conduct(_form(named_experiment(name), smoke, quick), arms, wanted, runs, results, table)
+    wanted = Wanted(_names(arms), seeds, jobs, tuple(overrides or ()))
+    _conduct(_form(named_experiment(name), smoke, quick), wanted, runs, results, table)
 
 
 def reproduce(
@@ -65,7 +65,7 @@ def reproduce(
         raise ConfigError(
             f"there is {', '.join(REPRODUCED)} to reproduce, not {name!r}; for a dump: thinknav redo DUMP"
         )
-    _conduct(_form(named_experiment(name), smoke, quick), arms, Wanted(seeds, jobs), runs, results, table)
+    _conduct(_form(named_experiment(name), smoke, quick), Wanted(_names(arms), seeds, jobs), runs, results, table)
 
 
 def _form(wanted: Experiment, smoke: bool, quick: bool) -> Experiment:
@@ -76,14 +76,14 @@ def _form(wanted: Experiment, smoke: bool, quick: bool) -> Experiment:
     return wanted.quickened() if quick else wanted
 
 
-def _conduct(
-    chosen: Experiment, arms: str | None, wanted: Wanted, runs: Path, results: Path | None, table: bool
-) -> None:
+def _names(arms: str | None) -> tuple[str, ...]:
+    return () if arms is None else tuple(name.strip() for name in arms.split(","))
+
+
+def _conduct(chosen: Experiment, wanted: Wanted, runs: Path, results: Path | None, table: bool) -> None:
     """Run it, or only write down what there is; and tell."""
     folder = runs / chosen.full_name
     place = results or _usual_results(chosen, folder, wanted)
-    if arms is not None:
-        chosen = chosen.with_arms([name.strip() for name in arms.split(",")])
     with interruption() as interrupted:
         if table:
             done = Done(write_results(chosen, place, wanted))

@@ -70,7 +70,7 @@ UNSEEN = Experiment(
     question="Trained in 32 homes, evaluated in 32 others that nobody was trained in, the planner included: does it "
     "help where nothing can be known by heart?",
     preset="cpu",
-    overrides=("total_steps=600000", "scenes.homes=32", "scenes.episodes=100", *COMMON),
+    overrides=("total_steps=300000", "scenes.homes=32", "scenes.episodes=100", *COMMON),
     arms=arms_of_unseen(),
     rows=ROWS,
     evaluated_in=EvaluatedIn("val:0-32", 192),

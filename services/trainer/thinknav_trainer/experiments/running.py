@@ -23,8 +23,13 @@ logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Wanted:
-    """seeds: none: as many as each arm has. jobs: how many at a time. overrides: over those of every arm."""
+    """What is to be done of an experiment.
 
+    arms: of those alone, all unless said; what is written down is of all. seeds: none: as many as each arm has.
+    jobs: how many at a time. overrides: over those of every arm.
+    """
+
+    arms: tuple[str, ...] = ()
     seeds: int | None = None
     jobs: int = 1
     overrides: tuple[str, ...] = ()
@@ -46,7 +51,8 @@ def run_experiment(
     runs: the folder of this experiment's runs. results: that of its ledger, table and figures. When the user
     interrupts, the same call goes on later. Raises ConfigError before anything is done.
     """
-    jobs = jobs_of(experiment, wanted.seeds, wanted.overrides)
+    chosen = experiment.with_arms(wanted.arms) if wanted.arms else experiment
+    jobs = jobs_of(chosen, wanted.seeds, wanted.overrides)
     ledger = Ledger(results, experiment.full_name)
     missing = [job for job in jobs if ledger.find(job) is None]
     logger.info("%s: %d of %d jobs are done", experiment.full_name, len(jobs) - len(missing), len(jobs))
