@@ -19,6 +19,7 @@ from thinknav_trainer.experiments import (
     Wanted,
     named_experiment,
     run_experiment,
+    summary,
     work,
     write_results,
 )
@@ -116,6 +117,28 @@ def test_an_experiment_is_interrupted_goes_on_and_is_not_done_twice(tmp_path: Pa
     assert result["masked"]["privileged"]["success"]["per_seed"][0] == pytest.approx(
         sum(record.measures["success"] for record in own) / len(records), abs=1e-4
     )
+
+
+def test_some_arms_and_fewer_seeds_are_trained_and_all_that_is_done_is_written_down(tmp_path: Path) -> None:
+    two = replace(SMALL, rows=(), seeds=2)
+    line = {"version": "0.1.0", "commit": "abc", "wall_seconds": 60, "split": "held_out", "episodes": 3}
+    line |= {"scenes": ["home-0"], "planner": None, "privileged": False, "curve": {"steps": []}}
+    line["measures"] = {"success": 0.5, "spl": 0.5}
+    trained: list[tuple[str, int]] = []
+
+    def do(job: Job, *_: object) -> dict[str, object]:
+        trained.append((job.arm, job.seed))
+        return {"arm": job.arm, "seed": job.seed, "digest": job.digest, "agent": None, **line}
+
+    with patch("thinknav_trainer.experiments.running.do_job", do), patch.object(summary, "COMPARED", ("success",)):
+        for wanted in (Wanted(seeds=3), Wanted(arms=("shuffled",), seeds=1), Wanted(arms=("privileged",), seeds=4)):
+            run_experiment(two, tmp_path / "runs", tmp_path, Interruption(), wanted)
+        with pytest.raises(ConfigError, match="has no arm 'led'"):
+            run_experiment(two, tmp_path / "runs", tmp_path, Interruption(), Wanted(arms=("led",)))
+    assert trained == [(arm, seed) for seed in range(3) for arm in ("privileged", "shuffled")] + [("privileged", 3)]
+    told = json.loads((tmp_path / "first-light-smoke.json").read_text())["protocol"]
+    assert told["seeds"] == {"privileged": [0, 1, 2, 3], "shuffled": [0, 1, 2]}
+    assert told["seeds_wanted"] == {"privileged": 2, "shuffled": 2}
 
 
 def test_a_run_made_with_other_defaults_is_not_taken_for_ones_own(tmp_path: Path) -> None:

@@ -82,6 +82,8 @@ def _names(arms: str | None) -> tuple[str, ...]:
 
 def _conduct(chosen: Experiment, wanted: Wanted, runs: Path, results: Path | None, table: bool) -> None:
     """Run it, or only write down what there is; and tell."""
+    if table and wanted.arms:
+        raise ConfigError("--table is of all arms; leave out --arms")
     folder = runs / chosen.full_name
     place = results or _usual_results(chosen, folder, wanted)
     with interruption() as interrupted:

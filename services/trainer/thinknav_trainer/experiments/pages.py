@@ -13,13 +13,13 @@ from thinknav_trainer.experiments.summary import summarize
 from thinknav_trainer.files import replace_text, replacing
 
 
-def write_pages(experiment: Experiment, lines: Sequence[Line], folder: Path, seeds: int | None = None) -> Path:
+def write_pages(experiment: Experiment, lines: Sequence[Line], folder: Path) -> Path:
     """Into a folder, from a ledger's lines, of which there is at least one; the path of the table.
 
-    seeds: how many of each arm the user wants, if not as many as the experiment says. An arm that has fewer says so.
+    An arm that has fewer seeds than the experiment wants says so.
     """
     name = experiment.full_name
-    result = summarize(experiment, lines, seeds)
+    result = summarize(experiment, lines)
     replace_text(folder / f"{name}.json", laid_out(result) + "\n")
     figure = draw_curves(experiment, lines)
     if figure is not None:

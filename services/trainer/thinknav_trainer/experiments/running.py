@@ -25,8 +25,8 @@ logger = logging.getLogger(__name__)
 class Wanted:
     """What is to be done of an experiment.
 
-    arms: of those alone, all unless said; what is written down is of all. seeds: none: as many as each arm has.
-    jobs: how many at a time. overrides: over those of every arm.
+    arms: some of them, all unless said. seeds: none: as many as each arm has. What is written down is of all arms,
+    and of all seeds that there are. jobs: how many at a time. overrides: over those of every arm.
     """
 
     arms: tuple[str, ...] = ()
@@ -70,9 +70,10 @@ def run_experiment(
 
 def write_results(experiment: Experiment, results: Path, wanted: Wanted = Wanted()) -> Path | None:
     """Table and figures of what the ledger has, in its folder; the path of the table, none of an empty ledger."""
-    jobs = jobs_of(experiment, wanted.seeds, wanted.overrides)
+    usual, more = (jobs_of(experiment, seeds, wanted.overrides) for seeds in (None, wanted.seeds))
+    jobs = list({job.key: job for job in (*usual, *more)}.values())
     lines = Ledger(results, experiment.full_name).lines_of(jobs)
-    return write_pages(experiment, lines, results, wanted.seeds) if lines else None
+    return write_pages(experiment, lines, results) if lines else None
 
 
 def _do_in_turn(

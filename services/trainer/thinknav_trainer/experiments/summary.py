@@ -22,8 +22,8 @@ COMPARED = ("spl", "success", "soft_spl", "distance_to_goal", "sot")
 Stats = dict[str, Any]  # mean, low, high, per_seed
 
 
-def summarize(experiment: Experiment, lines: Sequence[Line], seeds: int | None = None) -> dict[str, Any]:
-    """`protocol`, `arms`, `ratios`; and `differences`, `masked`, `shuffled`, `agents`. seeds: as of `write_pages`."""
+def summarize(experiment: Experiment, lines: Sequence[Line]) -> dict[str, Any]:
+    """`protocol`, `arms`, `ratios`; and `differences`, `masked`, `shuffled`, `agents`."""
     arms = {arm.name: own for arm in experiment.arms if (own := lines_of(arm, lines))}
     statistics = {name: over_seeds([line["measures"] for line in own]) for name, own in arms.items()}
     compared = _compared(experiment, arms)
@@ -37,7 +37,7 @@ def summarize(experiment: Experiment, lines: Sequence[Line], seeds: int | None =
     }
     rows = {line["arm"]: line["measures"] for line in lines if line["agent"]}
     return {
-        "protocol": protocol_of(experiment, arms, lines, seeds),
+        "protocol": protocol_of(experiment, arms, lines),
         "arms": statistics,
         "ratios": {name: _compare(*pair, ratio=True) for name, pair in compared.items()},
         "differences": {name: _compare(*pair, ratio=False) for name, pair in compared.items()},
@@ -91,12 +91,10 @@ def _compare(over: list[Line], under: list[Line], ratio: bool) -> dict[str, Stat
     return result
 
 
-def protocol_of(
-    experiment: Experiment, arms: dict[str, list[Line]], lines: Sequence[Line], seeds: int | None
-) -> dict[str, Any]:
+def protocol_of(experiment: Experiment, arms: dict[str, list[Line]], lines: Sequence[Line]) -> dict[str, Any]:
     """How it was made."""
     first = lines[0]
-    wanted = {arm.name: experiment.seeds_of(arm, seeds) for arm in experiment.arms}
+    wanted = {arm.name: experiment.seeds_of(arm) for arm in experiment.arms}
     return {
         "experiment": experiment.full_name,
         "question": experiment.question,
