@@ -32,6 +32,7 @@ THINK_COST = Arm("agent-think-cost")
 CLONE = Arm("agent-cloned", CLONED, HEADLINE_SEEDS)
 CLONE_BUDGET = Arm("agent-cloned-budget", (*CLONED, *_BUDGET))
 FORESIGHT = Arm("agent-foresight", (*CLONED, *_BUDGET, *_FORESIGHT))
+EVERY_N = Arm("every-n", ("think.strategy=every_n",))
 PERFECT = Arm("privileged", _PRIVILEGED)
 
 
@@ -77,7 +78,7 @@ def arms_of_single() -> tuple[Arm, ...]:
         FORESIGHT,
         CLONE_BUDGET,
         longer(NEVER, 1_000_000),
-        *(longer(arm, 480_000) for arm in (NEVER, CLONE, FORESIGHT)),
+        *(longer(arm, 480_000) for arm in (NEVER, CLONE, FORESIGHT, EVERY_N)),
         NEVER_CLONED,
         Arm("never-beside", (*_NEVER, *_BESIDE)),
         Arm("agent-cloned-beside", (*CLONED, *_BESIDE)),
@@ -88,7 +89,7 @@ def arms_of_single() -> tuple[Arm, ...]:
         Arm("agent-cloned-forced", (*CLONED, *FORCED)),
         Arm("agent-cloned-paper", (*CLONED, *PAPER.overrides)),
         Arm("agent-cloned-context", (*CLONED, *_RECENT)),
-        Arm("every-n", ("think.strategy=every_n",)),
+        EVERY_N,
         Arm("once", ("think.strategy=once",)),
         *controls_of(THINK_COST),
         *controls_of(CLONE),
