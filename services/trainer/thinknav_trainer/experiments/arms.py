@@ -30,6 +30,7 @@ NEVER_CLONED = Arm("never-cloned", (*_NEVER, "warm_start.demonstrator=bump-walke
 PAPER = Arm("agent-paper", ("think.reward=paper",), HEADLINE_SEEDS)
 THINK_COST = Arm("agent-think-cost")
 CLONE = Arm("agent-cloned", CLONED, HEADLINE_SEEDS)
+CLONE_LONGER = Arm("agent-cloned-longer", (*CLONED, "warm_start.steps=150000"))
 CLONE_BUDGET = Arm("agent-cloned-budget", (*CLONED, *_BUDGET))
 FORESIGHT = Arm("agent-foresight", (*CLONED, *_BUDGET, *_FORESIGHT))
 EVERY_N = Arm("every-n", ("think.strategy=every_n",))
@@ -105,9 +106,20 @@ def arms_of_single() -> tuple[Arm, ...]:
 def arms_of_five() -> tuple[Arm, ...]:
     """Five homes: the headline arms, and what it takes to explain them."""
     masked = [arm for arm in controls_of(CLONE) if not arm.name.endswith("constant")]
-    return (NEVER, PAPER, CLONE, FORESIGHT, longer(NEVER, 1_000_000), NEVER_CLONED, THINK_COST, *masked, PERFECT)
+    return (
+        NEVER,
+        PAPER,
+        CLONE,
+        CLONE_LONGER,
+        FORESIGHT,
+        *(longer(arm, 1_000_000) for arm in (NEVER, FORESIGHT)),
+        NEVER_CLONED,
+        THINK_COST,
+        *masked,
+        PERFECT,
+    )
 
 
 def arms_of_unseen() -> tuple[Arm, ...]:
-    """Homes never seen: four arms, three seeds."""
-    return tuple(Arm(arm.name, arm.overrides) for arm in (NEVER, CLONE, FORESIGHT, PAPER))
+    """Homes never seen: three seeds of each."""
+    return tuple(Arm(arm.name, arm.overrides) for arm in (NEVER, CLONE, CLONE_LONGER, FORESIGHT, PAPER))
