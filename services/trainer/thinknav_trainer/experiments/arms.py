@@ -29,6 +29,7 @@ NEVER = Arm("never", _NEVER, HEADLINE_SEEDS)
 NEVER_CLONED = Arm("never-cloned", (*_NEVER, "warm_start.demonstrator=bump-walker", *CLONED))
 PAPER = Arm("agent-paper", ("think.reward=paper",), HEADLINE_SEEDS)
 THINK_COST = Arm("agent-think-cost")
+CAPPED = Arm("agent-capped", ("think.reward=capped",))
 CLONE = Arm("agent-cloned", CLONED, HEADLINE_SEEDS)
 CLONE_LONGER = Arm("agent-cloned-longer", (*CLONED, "warm_start.steps=150000"))
 CLONE_BUDGET = Arm("agent-cloned-budget", (*CLONED, *_BUDGET))
@@ -71,7 +72,7 @@ def controls_of(arm: Arm) -> tuple[Arm, ...]:
 
 def arms_of_single() -> tuple[Arm, ...]:
     """One home: everything."""
-    schemes = ("task", "annealed", "capped", "progress_gated", "potential")
+    schemes = ("task", "annealed", "progress_gated", "potential")
     return (
         NEVER,
         PAPER,
@@ -84,11 +85,13 @@ def arms_of_single() -> tuple[Arm, ...]:
         Arm("never-beside", (*_NEVER, *_BESIDE)),
         Arm("agent-cloned-beside", (*CLONED, *_BESIDE)),
         THINK_COST,
+        CAPPED,
         *(Arm(f"agent-{scheme.replace('_', '-')}", (f"think.reward={scheme}",)) for scheme in schemes),
         Arm("agent-prior", ("policy.think_bias=1",)),
         Arm("agent-forced", FORCED),
         Arm("agent-cloned-forced", (*CLONED, *FORCED)),
         Arm("agent-cloned-paper", (*CLONED, *PAPER.overrides)),
+        Arm("agent-cloned-capped", (*CLONED, *CAPPED.overrides)),
         Arm("agent-cloned-context", (*CLONED, *_RECENT)),
         EVERY_N,
         Arm("once", ("think.strategy=once",)),
@@ -115,6 +118,7 @@ def arms_of_five() -> tuple[Arm, ...]:
         *(longer(arm, 1_000_000) for arm in (NEVER, FORESIGHT)),
         NEVER_CLONED,
         THINK_COST,
+        CAPPED,
         *masked,
         PERFECT,
     )
