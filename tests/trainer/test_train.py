@@ -49,7 +49,7 @@ def test_a_run_leaves_metrics_thoughts_and_checkpoints(tmp_path: Path, smoke: Tr
 
 
 def test_a_resumed_run_equals_one_that_was_not_interrupted(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
-    config = config_of(smoke, "think.budget=0.1", "think.dropout=0.3")
+    config = config_of(smoke, "think.budget=0.1", "think.dropout=0.3", "policy.obstacle_memory=true")
     whole = Run.create(tmp_path / "whole", config)
     train(whole, homes, planner(), Interruption())
     whole.close()

@@ -172,6 +172,11 @@ class PolicyConfig(Section):
     lstm_layers: int = Field(1, ge=1, le=4, description="layers of the LSTM")
     stop_bias: float = Field(-4.0, description="prior on the logit of stop; keeps first episodes from ending at once")
     think_bias: float = Field(0.0, description="prior on the logit of think")
+    obstacle_memory: bool = Field(
+        False,
+        description="a sensor more: the nearest heading that is free for a step, by a map that the agent makes of its "
+        "own depth and of what it ran into",
+    )
 
 
 class PPOConfig(Section):

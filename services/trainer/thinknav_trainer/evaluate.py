@@ -19,6 +19,7 @@ from thinknav_trainer.agents import Agent, MakeAgent, PolicyAgent
 from thinknav_trainer.config import ThinkConfig, TrainConfig
 from thinknav_trainer.control import ControlName
 from thinknav_trainer.interrupt import Interruption
+from thinknav_trainer.obstacle_memory import ObstacleMemory
 from thinknav_trainer.planner import PlannerClient
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.progress import progress_bar
@@ -61,7 +62,10 @@ class Clock:
 
 @dataclass(frozen=True)
 class Conditions:
-    """How episodes are played. task: without regard to thinking, which follows from the planner's presence."""
+    """How episodes are played. task: without regard to thinking, which follows from the planner's presence.
+
+    obstacle_memory: whether the agents have that sensor.
+    """
 
     task: ObjectNavConfig
     think: ThinkConfig
@@ -69,6 +73,7 @@ class Conditions:
     seed: int = 0
     clock: Clock = Clock()
     control: ControlName = "none"
+    obstacle_memory: bool = False
 
 
 def evaluate(
@@ -86,8 +91,8 @@ def evaluate(
     def make_agent(env: ThinkingEnv, seed: int) -> Agent:
         return PolicyAgent(Actor(policy, env.num_envs, config.ppo.precision, seed, greedy))
 
-    control = config.planner.control
-    conditions = Conditions(config.env, config.think, config.num_envs, config.seed, clock, control)
+    control, memory = config.planner.control, config.policy.obstacle_memory
+    conditions = Conditions(config.env, config.think, config.num_envs, config.seed, clock, control, memory)
     return play(make_agent, conditions, scenes, episodes, planner, interruption)
 
 
@@ -110,7 +115,8 @@ def play(
     task = conditions.task.model_copy(update={"think_action": planner is not None})
     vector_env = ObjectNavVectorEnv(scenes, episodes, count, task, seed=conditions.seed, order="sequential")
     think = conditions.think.model_copy(update={"dropout": 0.0})
-    env = ThinkingEnv(vector_env, think, planner, seed=conditions.seed, control=conditions.control)
+    memory = ObstacleMemory(count, task) if conditions.obstacle_memory else None
+    env = ThinkingEnv(vector_env, think, planner, seed=conditions.seed, control=conditions.control, memory=memory)
     agent = make_agent(env, conditions.seed)
     witness = Witness(vector_env)
     records: dict[int, EpisodeRecord] = {}

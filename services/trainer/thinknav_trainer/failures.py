@@ -10,12 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thinknav_sim.task_config import Action
+from thinknav_trainer.free_heading import BLOCKED_M
 
 # An agent is stuck that stayed this near to where it ended, for this many steps, and ran into something meanwhile.
 STUCK_STEPS = 100
 STUCK_M = 0.5
-# A step forward that leads no farther ran into something: contact leaves up to 1 cm to walk.
-BLOCKED_M = 0.05
 # Who ends this much farther from the goal than it has been since it first saw it has left it.
 LEFT_M = 1.0
 

@@ -1,8 +1,8 @@
 """The recurrent actor-critic: what it sees, in the order of Habitat's PointNavResNetNet, plus the thought.
 
-RNN input: [visual features | goal embedding | cos, sin of compass | gps | moved | previous action | thought] -> LSTM ->
-action logits and value. How it sees is `vision`'s affair. Knows nothing of rewards, planners or where observations come
-from.
+RNN input: [visual features | goal embedding | cos, sin of compass | gps | moved | previous action | free heading, where
+there is that sensor | thought] -> LSTM -> action logits and value. How it sees is `vision`'s affair. Knows nothing of
+rewards, planners or where observations come from.
 """
 
 import math
@@ -15,6 +15,7 @@ from torch import Tensor, nn
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
 from thinknav_trainer.config import PolicyConfig
+from thinknav_trainer.obstacle_memory import FREE_SIZE
 from thinknav_trainer.vision import make_vision
 
 EMBEDDING_SIZE = 32  # of goal, compass, gps and previous action, as in Habitat, and of what was moved
@@ -61,6 +62,9 @@ class Policy(nn.Module):
         self.moved = nn.Linear(1, EMBEDDING_SIZE)
         self.previous_action = nn.Embedding(shape.num_actions + 1, EMBEDDING_SIZE)  # 0: an episode begins
         rnn_input = config.visual_size + 5 * EMBEDDING_SIZE
+        self.free = nn.Linear(FREE_SIZE, EMBEDDING_SIZE) if config.obstacle_memory else None
+        if self.free is not None:
+            rnn_input += EMBEDDING_SIZE
         if shape.thought_size:
             self.thought = nn.Linear(shape.thought_size, config.thought_size)
             # Where thoughts lie and how far apart: by default they have unit norm, and each element unit variance.
@@ -101,6 +105,8 @@ class Policy(nn.Module):
             self.moved(observations["moved"] / STEP_M),
             self.previous_action(previous_actions + 1),
         ]
+        if self.free is not None:
+            parts.append(self.free(observations["free"]))
         if self.shape.thought_size:
             parts.append(self.thought(self._scaled(observations["thought"])))
         return torch.cat([part.to(parts[0].dtype) for part in parts], dim=1)

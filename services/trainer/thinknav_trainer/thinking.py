@@ -30,6 +30,7 @@ from thinknav_trainer.control import UNASKED, Control, ControlName
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.farming import farming_measures
 from thinknav_trainer.forcing import FORCED_THINK
+from thinknav_trainer.obstacle_memory import ObstacleMemory
 from thinknav_trainer.patience import Patience
 from thinknav_trainer.planner import Answer, PlannerClient, encode_frame
 from thinknav_trainer.planner.embedded import EmbeddedPlanner
@@ -107,10 +108,11 @@ class ThinkingEnv:
         discount: float = 0.99,
         seed: int = 0,
         control: ControlName = "none",
+        memory: ObstacleMemory | None = None,
     ) -> None:
         """asking: how; planners in our own process have ways of their own. discount: the learner's, for reward schemes
         that go by it. seed: of which replies are withheld, and of what controls draw. control: what is
-        told in the place of replies (`control`).
+        told in the place of replies (`control`). memory: a sensor more, if any.
         """
         if (planner is None) != (config.strategy == "never"):
             raise ValueError(f"strategy {config.strategy!r} {'needs a' if planner is None else 'takes no'} planner")
@@ -137,6 +139,7 @@ class ThinkingEnv:
         self._frames = PlannerFrames(env, config.frame_size)
         self._recent = RecentFrames(env, self._frames, config)
         self._trajectories = Trajectories(env.num_envs)
+        self._memory = memory
         self._round = 0  # of looking for replies, since the run began
         self.texts: dict[str, NDArray[np.float32]] = {}  # what was embedded so far
         self._control = Control(control, self.embed, self._goal, seed)
@@ -170,6 +173,8 @@ class ThinkingEnv:
         if self._asking is not None:
             observations["thought"] = self._descriptions[observations["objectgoal"][:, 0]]
             self._frames.observe(np.arange(self.num_envs), observations["rgb"])
+        if self._memory is not None:
+            self._memory.reset(observations)
         self._show_forcing(observations, np.arange(self.num_envs))
         return observations
 
@@ -234,6 +239,8 @@ class ThinkingEnv:
         if self._asking is not None:
             self._show_thoughts(observations, final, told, done)
             self._frames.observe(envs, observations["rgb"])
+        if self._memory is not None:
+            self._memory.show(envs, actions, observations, final)
         ended = self._end_episodes(envs, infos, terms, done)
         self._steps[envs] = np.where(done, 0, self._steps[envs] + 1)
         self._show_forcing(observations, envs)
@@ -397,6 +404,7 @@ class ThinkingEnv:
             "round": self._round,
             "withholding": self._withholding.bit_generator.state,
             "control": self._control.state_dict(),
+            "memory": None if self._memory is None else self._memory.state_dict(),
             "parked": sorted(self.parked),
         }
 
@@ -424,6 +432,8 @@ class ThinkingEnv:
         self._trajectories.load_state_dict(state.get("trajectories", [()] * self.num_envs))
         self._withholding.bit_generator.state = state.get("withholding", self._withholding.bit_generator.state)
         self._control.load_state_dict(state.get("control", []))
+        if self._memory is not None:
+            self._memory.load_state_dict(state["memory"])
         self._round = state["round"]
         self.think(np.array(state["parked"], np.int64))
 

@@ -31,6 +31,7 @@ from thinknav_trainer.dumps import NotFinite, TrainingDiverged
 from thinknav_trainer.evaluate import evaluate
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.learning import Beside, InTurn, Learning
+from thinknav_trainer.obstacle_memory import ObstacleMemory
 from thinknav_trainer.planner import PlannerClient
 from thinknav_trainer.policy import ObservationShape, Policy
 from thinknav_trainer.ppo import PPO
@@ -247,7 +248,9 @@ def open_session(
         homes.scenes, homes.train, config.num_envs, config.task, seed=seed, order="random", renderer=renderer
     )
     control = "none" if recording is not None else config.planner.control  # recorded replies were replaced already
-    env = ThinkingEnv(vector_env, config.think, planner, _asking(config, recording), config.ppo.gamma, seed, control)
+    memory = ObstacleMemory(config.num_envs, config.task) if config.policy.obstacle_memory else None
+    asking, discount = _asking(config, recording), config.ppo.gamma
+    env = ThinkingEnv(vector_env, config.think, planner, asking, discount, seed, control, memory)
     torch.manual_seed(config.seed)
     policy = Policy(observation_shape(config, planner), config.network)
     if planner is not None and resume_from is None:

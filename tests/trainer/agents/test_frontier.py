@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.agents.detector import CategoryDetector
-from thinknav_trainer.agents.occupancy import BLOCKED, FREE, OccupancyMap, ahead_of
 from thinknav_trainer.agents.ways import Floor
 from thinknav_trainer.config import TrainConfig, load_config
 from thinknav_trainer.evaluate_agent import Setting, evaluate_agent
 from thinknav_trainer.home_sets import parse_home_set
+from thinknav_trainer.occupancy import BLOCKED, FREE, OccupancyMap, ahead_of
 from thinknav_trainer.scenes import Homes
 
 START = np.zeros(4)

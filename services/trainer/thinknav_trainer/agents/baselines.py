@@ -10,7 +10,7 @@ from thinknav_sim.observations import Observations
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.agents.agent import Agent
-from thinknav_trainer.agents.obedient import BLOCKED_M
+from thinknav_trainer.free_heading import BLOCKED_M
 from thinknav_trainer.thoughts import Thought
 
 # How far the bump-walker may turn away, in turns of 10 degrees.

@@ -15,9 +15,9 @@ from thinknav_sim.observations import Observations
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.agents.detector import CategoryDetector
-from thinknav_trainer.agents.obedient import BLOCKED_M
-from thinknav_trainer.agents.occupancy import CELL_M, HALF_M, OccupancyMap, ahead_of, map_pose
 from thinknav_trainer.agents.ways import Floor, Way
+from thinknav_trainer.free_heading import BLOCKED_M
+from thinknav_trainer.occupancy import CELL_M, HALF_M, OccupancyMap, ahead_of, map_pose
 from thinknav_trainer.thoughts import Thought
 
 # Steps that a way is followed before it is planned anew.

@@ -13,12 +13,10 @@ from numpy.typing import NDArray
 
 from thinknav_sim.observations import Observations
 from thinknav_sim.task_config import Action, ObjectNavConfig
-from thinknav_trainer.agents.free_heading import FreeHeading
 from thinknav_trainer.direction import subgoal_direction
+from thinknav_trainer.free_heading import BLOCKED_M, FreeHeading
 from thinknav_trainer.thoughts import Thought
 
-# Who came no farther than this by a step forward stands before something. Contact leaves up to 1 cm to walk.
-BLOCKED_M = 0.05
 # Turns away from what blocks, where no way is free.
 TURNS_AWAY = 3
 

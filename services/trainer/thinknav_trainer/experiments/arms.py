@@ -23,6 +23,7 @@ _RECENT = ("think.context=5", "think.temperature=0.5")
 _BUDGET = ("think.budget=0.05", "think.budget_after=0.3", "think.dropout=0.2")
 _FORESIGHT = ("warm_start.foresight_coef=2", "think.budget_after=0.1")
 _BESIDE = ("learn_beside=true", "deterministic=false")
+_MEMORY = ("policy.obstacle_memory=true",)
 _PRIVILEGED = ("planner.url=privileged", *FORCED)
 
 NEVER = Arm("never", _NEVER, HEADLINE_SEEDS)
@@ -34,6 +35,7 @@ CLONE = Arm("agent-cloned", CLONED, HEADLINE_SEEDS)
 CLONE_LONGER = Arm("agent-cloned-longer", (*CLONED, "warm_start.steps=150000"))
 CLONE_BUDGET = Arm("agent-cloned-budget", (*CLONED, *_BUDGET))
 FORESIGHT = Arm("agent-foresight", (*CLONED, *_BUDGET, *_FORESIGHT))
+WITH_MEMORY = tuple(Arm(f"{arm.name}-memory", (*arm.overrides, *_MEMORY)) for arm in (NEVER, CLONE))
 EVERY_N = Arm("every-n", ("think.strategy=every_n",))
 PERFECT = Arm("privileged", _PRIVILEGED)
 
@@ -114,6 +116,7 @@ def arms_of_five() -> tuple[Arm, ...]:
         PAPER,
         CLONE,
         CLONE_LONGER,
+        *WITH_MEMORY,
         FORESIGHT,
         *(longer(arm, 1_000_000) for arm in (NEVER, FORESIGHT)),
         NEVER_CLONED,
@@ -126,4 +129,5 @@ def arms_of_five() -> tuple[Arm, ...]:
 
 def arms_of_unseen() -> tuple[Arm, ...]:
     """Homes never seen: three seeds of each."""
-    return tuple(Arm(arm.name, arm.overrides) for arm in (NEVER, CLONE, CLONE_LONGER, FORESIGHT, PAPER))
+    arms = (NEVER, CLONE, CLONE_LONGER, *WITH_MEMORY, FORESIGHT, PAPER)
+    return tuple(Arm(arm.name, arm.overrides) for arm in arms)

@@ -13,7 +13,7 @@ from PIL import Image, ImageDraw
 from thinknav_sim.navigation import NavigationGrid
 from thinknav_sim.scene import Scene
 from thinknav_sim.task_config import Action
-from thinknav_trainer.failures import BLOCKED_M
+from thinknav_trainer.free_heading import BLOCKED_M
 from thinknav_trainer.records import EpisodeRecord
 from thinknav_trainer.report.floor_map import PATH_COLOR, THOUGHT_COLOR, FloorMap
 

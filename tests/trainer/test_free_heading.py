@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from thinknav_sim.task_config import ObjectNavConfig
-from thinknav_trainer.agents.free_heading import FreeHeading
+from thinknav_trainer.free_heading import FreeHeading
 
 CONFIG = ObjectNavConfig(width=32, height=32)
 FAR = np.ones((32, 32, 1), np.float32)

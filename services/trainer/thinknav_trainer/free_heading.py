@@ -1,13 +1,16 @@
 """Which way an agent can take a step, by the map that it makes of its own depth. Knows nothing of where to go."""
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thinknav_sim.task_config import ObjectNavConfig
-from thinknav_trainer.agents.occupancy import BLOCKED, CELL_M, HALF_M, OccupancyMap, map_pose
+from thinknav_trainer.occupancy import BLOCKED, CELL_M, HALF_M, UNKNOWN, OccupancyMap, map_pose
 
+# Who came no farther than this by a step forward stands before something. Contact leaves up to 1 cm to walk.
+BLOCKED_M = 0.05
 # Cells are read off single rays: what only touches the body's rim may be beside it.
 _TOUCH_M = CELL_M / 2
 
@@ -48,3 +51,13 @@ class FreeHeading:
         met = (forward > 0) & (np.hypot(forward - np.clip(forward, 0.0, self._step), left) < self._radius)
         free = np.flatnonzero(~met.any(axis=1))
         return int(order[free[0]]) if len(free) else None
+
+    def state_dict(self) -> dict[str, Any]:
+        """All that `turns` depends on."""
+        return {"blocked": np.flatnonzero(self._map.state == BLOCKED).astype(np.int32), "pose": self._pose.copy()}
+
+    def load_state_dict(self, state: dict[str, Any]) -> None:
+        """Stand and remember as `state_dict` was taken."""
+        self._map.state[...] = UNKNOWN
+        self._map.state.flat[state["blocked"]] = BLOCKED
+        self._pose = state["pose"].copy()
