@@ -23,6 +23,8 @@ class FreeHeading:
         self._radius = config.agent_radius - _TOUCH_M
         self._step = config.forward_step
         self._turn = math.radians(config.turn_angle)
+        half = math.floor(math.pi / self._turn + 1e-9)
+        self._order = np.array([(k + 1) // 2 if k % 2 else -(k // 2) for k in range(2 * half + 1)])  # 0, 1, -1, 2, ...
         self._pose = np.zeros(4)
 
     def see(self, depth: NDArray[np.float32], gps: NDArray[np.floating], compass: float) -> None:
@@ -41,16 +43,17 @@ class FreeHeading:
         blocked = self._map.state[rows, cols] == BLOCKED
         x = (cols[blocked] + 0.5) * CELL_M - HALF_M - self._pose[0]
         z = (rows[blocked] + 0.5) * CELL_M - HALF_M - self._pose[2]
-        half = math.floor(math.pi / self._turn + 1e-9)
-        # 0, 1, -1, 2, -2, ...
-        order = np.array([(k + 1) // 2 if k % 2 else -(k // 2) for k in range(2 * half + 1)])
-        heading = self._pose[3] + order[:, None] * self._turn
-        forward = -np.sin(heading) * x - np.cos(heading) * z
-        left = -np.cos(heading) * x + np.sin(heading) * z
-        # What the body would meet that it does not touch already: a capsule as long as a step, its own half left out.
-        met = (forward > 0) & (np.hypot(forward - np.clip(forward, 0.0, self._step), left) < self._radius)
-        free = np.flatnonzero(~met.any(axis=1))
-        return int(order[free[0]]) if len(free) else None
+        # Straight on is the usual answer, and little work by itself.
+        for order in (self._order[:1], self._order[1:]):
+            heading = self._pose[3] + order[:, None] * self._turn
+            forward = -np.sin(heading) * x - np.cos(heading) * z
+            left = -np.cos(heading) * x + np.sin(heading) * z
+            # What the body would meet that it does not touch already: a capsule as long as a step, without its own half.
+            met = (forward > 0) & (np.hypot(forward - np.clip(forward, 0.0, self._step), left) < self._radius)
+            free = np.flatnonzero(~met.any(axis=1))
+            if len(free):
+                return int(order[free[0]])
+        return None
 
     def state_dict(self) -> dict[str, Any]:
         """All that `turns` depends on."""

@@ -5,6 +5,7 @@ are those of the simulator's own grids, so that the same code plans on both. It 
 """
 
 import math
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,6 +33,13 @@ def ahead_of(
     """x and z (..., 2) of what lies so many metres to the left of a pose (4,) and ahead of it."""
     sine, cosine = math.sin(pose[3]), math.cos(pose[3])
     return np.stack([pose[0] - cosine * left - sine * forward, pose[2] + sine * left - cosine * forward], axis=-1)
+
+
+@cache
+def _offsets(reach: int) -> NDArray[np.int64]:
+    """(n, 2) of all cells within so many columns and rows."""
+    steps = np.arange(-reach, reach + 1)
+    return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
 
 
 class OccupancyMap:
@@ -97,11 +105,8 @@ class OccupancyMap:
 
     def near(self, pose: NDArray[np.float64], radius: float) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Rows and columns of the cells whose centres lie within a radius of a pose."""
-        reach = math.ceil(radius / CELL_M) + 1
-        steps = np.arange(-reach, reach + 1)
-        offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
         place = pose[[0, 2]]
-        centres = (np.floor(place / CELL_M) + offsets + 0.5) * CELL_M
+        centres = (np.floor(place / CELL_M) + _offsets(math.ceil(radius / CELL_M) + 1) + 0.5) * CELL_M
         return self.cells(centres[np.linalg.norm(centres - place, axis=1) <= radius])
 
     def known_part(self) -> tuple[slice, slice]:
