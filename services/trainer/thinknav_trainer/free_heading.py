@@ -48,7 +48,7 @@ class FreeHeading:
             heading = self._pose[3] + order[:, None] * self._turn
             forward = -np.sin(heading) * x - np.cos(heading) * z
             left = -np.cos(heading) * x + np.sin(heading) * z
-            # What the body would meet that it does not touch already: a capsule as long as a step, without its own half.
+            # What the body would meet and does not touch already: a capsule as long as a step, its own half left out.
             met = (forward > 0) & (np.hypot(forward - np.clip(forward, 0.0, self._step), left) < self._radius)
             free = np.flatnonzero(~met.any(axis=1))
             if len(free):
