@@ -85,17 +85,25 @@ def test_the_result_file_has_the_form_that_was_agreed(tmp_path: Path) -> None:
     assert result["protocol"]["same_rgb_features"] is True
 
 
-def test_arms_with_more_steps_stand_over_a_baseline_with_as_many() -> None:
-    names = ["never", "agent-cloned", "never-480k", "agent-cloned-480k", "never-1m"]
+@pytest.mark.parametrize(
+    ("experiment", "names", "pairs"),
+    [
+        ("single", ["never", "agent-cloned", "never-480k", "agent-cloned-480k", "never-1m"], "480k"),
+        ("five", ["never", "agent-cloned", "never-memory", "agent-cloned-memory", "never-1m"], "memory"),
+    ],
+)
+def test_arms_with_more_steps_or_sensors_stand_over_a_baseline_that_has_them(
+    experiment: str, names: list[str], pairs: str
+) -> None:
     lines = [
         {"arm": name, "seed": seed, "agent": None, "version": "1", "commit": "a", "planner": None, "privileged": False}
         | {"split": "held_out", "episodes": 9, "scenes": ["h"], "wall_seconds": 1, "measures": measures(success)}
         for name, success in zip(names, (0.2, 0.8, 0.4, 0.9, 0.6), strict=True)
         for seed in range(3)
     ]
-    found = summarize(SINGLE.with_arms(names), lines)["ratios"]
-    assert set(found) == {"agent-best/never", "agent-cloned-480k/never-480k"}
-    assert found["agent-cloned-480k/never-480k"]["success"]["mean"] == pytest.approx(2.25)
+    found = summarize(named_experiment(experiment).with_arms(names), lines)["ratios"]
+    assert set(found) == {"agent-best/never", f"agent-cloned-{pairs}/never-{pairs}"}
+    assert found[f"agent-cloned-{pairs}/never-{pairs}"]["success"]["mean"] == pytest.approx(2.25)
 
 
 def test_the_table_says_what_it_is(tmp_path: Path) -> None:

@@ -70,16 +70,16 @@ def _rounded(row: dict[str, float | None]) -> Stats:
 
 
 def _compared(experiment: Experiment, arms: dict[str, list[Line]]) -> dict[str, tuple[list[Line], list[Line]]]:
-    """What stands over the baseline, by the name of the ratio; arms with other steps over a baseline with as many."""
+    """What stands over the baseline, by the name of the ratio; with other steps or sensors over one that has them too."""
     baseline = experiment.baseline
     if baseline is None or baseline not in arms:
         return {}
     wanted = {BEST: experiment.best, PAPER: PAPER}
     pairs = {f"{name}/{baseline}": (arms[arm], arms[baseline]) for name, arm in wanted.items() if arm in arms}
-    steps = _total_steps(experiment)
-    for longer in (name for name in arms if name.startswith(f"{baseline}-") and steps[name] != steps[baseline]):
-        as_long = (name for name in arms if steps[name] == steps[longer] and name != longer)
-        pairs |= {f"{name}/{longer}": (arms[name], arms[longer]) for name in as_long}
+    means = _means(experiment)
+    for other in (name for name in arms if name.startswith(f"{baseline}-") and means[name] != means[baseline]):
+        alike = (name for name in arms if means[name] == means[other] and name != other)
+        pairs |= {f"{name}/{other}": (arms[name], arms[other]) for name in alike}
     return pairs
 
 
@@ -104,7 +104,7 @@ def protocol_of(experiment: Experiment, arms: dict[str, list[Line]], lines: Sequ
         BEST: experiment.best,
         "seeds": {name: [line["seed"] for line in own] for name, own in arms.items()},
         "seeds_wanted": wanted,
-        "total_steps": _total_steps(experiment),
+        "total_steps": {name: steps for name, (steps, _) in _means(experiment).items()},
         "split": first["split"],
         "episodes": first["episodes"],
         "scenes": first["scenes"],
@@ -132,8 +132,10 @@ def command_of(experiment: Experiment) -> str:
     return f"thinknav {'reproduce' if experiment.reproduces else 'experiment'} {experiment.name}{form}"
 
 
-def _total_steps(experiment: Experiment) -> dict[str, int]:
-    return {arm.name: experiment.config(arm, 0).total_steps for arm in experiment.arms}
+def _means(experiment: Experiment) -> dict[str, tuple[int, bool]]:
+    """Of each arm, what an arm it is compared with must have too: steps of training, and a sensor that not all have."""
+    configs = {arm.name: experiment.config(arm, 0) for arm in experiment.arms}
+    return {name: (config.total_steps, config.policy.obstacle_memory) for name, config in configs.items()}
 
 
 def _same_features(experiment: Experiment) -> bool:
