@@ -70,7 +70,7 @@ def _rounded(row: dict[str, float | None]) -> Stats:
 
 
 def _compared(experiment: Experiment, arms: dict[str, list[Line]]) -> dict[str, tuple[list[Line], list[Line]]]:
-    """What stands over the baseline, by the name of the ratio; with other steps or sensors over one that has them too."""
+    """What stands over the baseline, by the name of the ratio; other steps or sensors, over one that has them too."""
     baseline = experiment.baseline
     if baseline is None or baseline not in arms:
         return {}
