@@ -42,7 +42,8 @@ def test_what_it_ran_into_is_remembered_and_nothing_else() -> None:
     memory = ObstacleMemory(1, CONFIG)
     first = seen(0.0)
     memory.reset(first)
-    assert (first["free"].tolist(), first["free"].dtype) == ([AHEAD], np.float32)
+    assert first["free"].dtype == np.float32
+    assert first["free"].tolist() == [AHEAD]
     # A step that leads on, and those that are not meant to, are no obstacle.
     assert shown(memory, FORWARD, 0.25) == shown(memory, LEFT, 0.0) == shown(memory, THINK, 0.0) == AHEAD
     blocked = shown(memory, FORWARD, 0.01)
