@@ -76,9 +76,11 @@ def _compared(experiment: Experiment, arms: dict[str, list[Line]]) -> dict[str, 
         return {}
     wanted = {BEST: experiment.best, PAPER: PAPER}
     pairs = {f"{name}/{baseline}": (arms[arm], arms[baseline]) for name, arm in wanted.items() if arm in arms}
-    means = _means(experiment)
-    for other in (name for name in arms if name.startswith(f"{baseline}-") and means[name] != means[baseline]):
-        alike = (name for name in arms if means[name] == means[other] and name != other)
+    conditions = _conditions(experiment)
+    for other in (
+        name for name in arms if name.startswith(f"{baseline}-") and conditions[name] != conditions[baseline]
+    ):
+        alike = (name for name in arms if conditions[name] == conditions[other] and name != other)
         pairs |= {f"{name}/{other}": (arms[name], arms[other]) for name in alike}
     return pairs
 
@@ -104,7 +106,7 @@ def protocol_of(experiment: Experiment, arms: dict[str, list[Line]], lines: Sequ
         BEST: experiment.best,
         "seeds": {name: [line["seed"] for line in own] for name, own in arms.items()},
         "seeds_wanted": wanted,
-        "total_steps": {name: steps for name, (steps, _) in _means(experiment).items()},
+        "total_steps": {name: steps for name, (steps, _) in _conditions(experiment).items()},
         "split": first["split"],
         "episodes": first["episodes"],
         "scenes": first["scenes"],
@@ -132,7 +134,7 @@ def command_of(experiment: Experiment) -> str:
     return f"thinknav {'reproduce' if experiment.reproduces else 'experiment'} {experiment.name}{form}"
 
 
-def _means(experiment: Experiment) -> dict[str, tuple[int, bool]]:
+def _conditions(experiment: Experiment) -> dict[str, tuple[int, bool]]:
     """Of each arm, what an arm it is compared with must have too: steps of training, and a sensor that not all have."""
     configs = {arm.name: experiment.config(arm, 0) for arm in experiment.arms}
     return {name: (config.total_steps, config.policy.obstacle_memory) for name, config in configs.items()}
