@@ -19,7 +19,6 @@ from thinknav_trainer.experiments import (
     Wanted,
     named_experiment,
     run_experiment,
-    summary,
     work,
     write_results,
 )
@@ -130,7 +129,7 @@ def test_some_arms_and_fewer_seeds_are_trained_and_all_that_is_done_is_written_d
         trained.append((job.arm, job.seed))
         return {"arm": job.arm, "seed": job.seed, "digest": job.digest, "agent": None, **line}
 
-    with patch("thinknav_trainer.experiments.running.do_job", do), patch.object(summary, "COMPARED", ("success",)):
+    with patch("thinknav_trainer.experiments.running.do_job", do):
         for wanted in (Wanted(seeds=3), Wanted(arms=("shuffled",), seeds=1), Wanted(arms=("privileged",), seeds=4)):
             run_experiment(two, tmp_path / "runs", tmp_path, Interruption(), wanted)
         with pytest.raises(ConfigError, match="has no arm 'led'"):
