@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner, Result
 
-from thinknav_trainer.cli import USAGE_ERRORS, app
+from thinknav_trainer.cli import app
+from thinknav_trainer.errors import exit_status
 
 THINKNAV = str(Path(sys.executable).with_name("thinknav"))
 FEW = ("--homes", "1", "--among", "2", "--rooms", "1", "--episodes", "20", "--output", "made")
@@ -63,7 +64,8 @@ def test_mistakes_are_named(
 ) -> None:
     monkeypatch.chdir(made)
     result = invoke(*arguments)
-    assert isinstance(result.exception, USAGE_ERRORS)
+    assert isinstance(result.exception, Exception)
+    assert exit_status(result.exception) == 2
     assert complaint in str(result.exception)
 
 
@@ -81,7 +83,8 @@ def test_check_names_episode_and_field(made: Path, tmp_path: Path, key: str, val
     document["episodes"][3][key] = value
     (tmp_path / "bad.json").write_text(json.dumps(document))
     result = invoke("episodes", "check", str(tmp_path / "bad.json"))
-    assert isinstance(result.exception, USAGE_ERRORS)
+    assert isinstance(result.exception, Exception)
+    assert exit_status(result.exception) == 2
     assert complaint in str(result.exception)
     assert repr(document["episodes"][3]["episode_id"]) in str(result.exception)
 

@@ -14,8 +14,7 @@ from thinknav_trainer.budget_curve import Curve, Point, gains
 from thinknav_trainer.budgets import evaluate_budgets, write_curves
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.cli import app
-from thinknav_trainer.config import ConfigError, TrainConfig, change_config
-from thinknav_trainer.forcing import NEVER
+from thinknav_trainer.config import NEVER, ConfigError, TrainConfig, change_config
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.policy import ObservationShape, Policy
 from thinknav_trainer.records import MEASURES, EpisodeRecord

@@ -10,8 +10,8 @@ from tests.trainer.conftest import MakeThinkingEnv
 from thinknav_sim.task_config import Action
 from thinknav_trainer.actor import Actor
 from thinknav_trainer.collector import Collector
-from thinknav_trainer.config import PPOConfig, TrainConfig, change_config, load_config
-from thinknav_trainer.forcing import FORCED_THINK, NEVER, acting_log_probs
+from thinknav_trainer.config import NEVER, PPOConfig, TrainConfig, change_config, load_config
+from thinknav_trainer.forcing import FORCED_THINK, acting_log_probs
 from thinknav_trainer.policy import ObservationShape, Policy
 from thinknav_trainer.ppo import PPO
 from thinknav_trainer.strategies import agent, every_n, once

@@ -9,10 +9,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from thinknav_trainer.config import Precision
 from thinknav_trainer.forcing import FORCED_THINK, acting_log_probs
 from thinknav_trainer.glances import Glances
 from thinknav_trainer.policy import Policy
-from thinknav_trainer.precision import Precision, autocast
+from thinknav_trainer.precision import autocast
 
 NO_ACTION = -1
 

@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 import torch
 
+from thinknav_trainer.errors import UserError
 from thinknav_trainer.files import replacing
 
 FORMAT = 2
 _ARRAY = "__ndarray__"
 
 
-class CheckpointError(ValueError):
+class CheckpointError(UserError):
     """A checkpoint that is missing, damaged or made for something else; the message names it and says why."""
 
 

@@ -1,156 +1,46 @@
-"""The `thinknav` command. Reads arguments, calls the parts in order, turns errors into one line and an exit status.
+"""The `thinknav` command. Finds the command that is called, turns errors into one line and an exit status.
 
 Exit status: 0 done, 1 failed, 2 something the user gave cannot be used, 130 Ctrl-C.
 """
 
 import logging
 import sys
-from pathlib import Path
-from typing import Annotated
 
-import typer
 from rich.console import Console
 from rich.logging import RichHandler
 
-from thinknav_models.weights import WeightsError
-from thinknav_proto import PlannerError
-from thinknav_sim.episodes import EpisodeError
-from thinknav_sim.render import RendererUnavailable
-from thinknav_sim.scene import SceneError
-from thinknav_trainer.checkpoint import CheckpointError
-from thinknav_trainer.commands import (
-    ask,
-    bench,
-    budgets,
-    compare,
-    episodes,
-    evaluate,
-    experiment,
-    homes,
-    models,
-    scenes,
-)
-from thinknav_trainer.config import ConfigError, TrainConfig, change_config, load_config, presets
-from thinknav_trainer.demo import run_demo
-from thinknav_trainer.dumps import TrainingDiverged
-from thinknav_trainer.interrupt import interruption
-from thinknav_trainer.recording import RecordingError
-from thinknav_trainer.redo import redo_dump
-from thinknav_trainer.report import write_report
-from thinknav_trainer.rewards import REWARD_SCHEMES
-from thinknav_trainer.run import RunError, read_config
-from thinknav_trainer.service_process import ServiceError
-from thinknav_trainer.strategies import STRATEGIES
-from thinknav_trainer.vision import EmbeddingSpaceError
-from thinknav_trainer.workers import WorkerLost, join_workers, own_rank, started_by_torchrun, times_restarted
-from thinknav_trainer.workflow import train_run
+from thinknav_trainer.errors import exit_status
+from thinknav_trainer.lazy_commands import Lazy, lazy_app
+from thinknav_trainer.torchrun_environment import own_rank, started_by_torchrun
 
-# What a user, or the world, can do wrong; anything else is our mistake and shows its traceback.
-USAGE_ERRORS = (
-    ConfigError,
-    RunError,
-    RecordingError,
-    CheckpointError,
-    SceneError,
-    EpisodeError,
-    EmbeddingSpaceError,
-    WeightsError,
-)
-FAILURES = (PlannerError, ServiceError, RendererUnavailable, TrainingDiverged, WorkerLost)
+_COMMANDS = "thinknav_trainer.commands"
 
-app = typer.Typer(
+# In the list of `thinknav --help`, in this order; each command's own help says more.
+COMMANDS = {
+    "demo": Lazy("See all of it in minutes: a planning service, a training, a report.", f"{_COMMANDS}.demo:demo"),
+    "train": Lazy("Train a policy.", f"{_COMMANDS}.train:train"),
+    "eval": Lazy("Play episodes with a policy or a named agent.", f"{_COMMANDS}.evaluate:evaluate"),
+    "compare": Lazy("Compare evaluations of the same episodes.", f"{_COMMANDS}.compare:compare_runs"),
+    "budgets": Lazy("SPL against calls of the planner.", f"{_COMMANDS}.budgets:budgets"),
+    "report": Lazy("Write a run's report.html.", f"{_COMMANDS}.report:report"),
+    "experiment": Lazy("Train and evaluate the arms of an experiment.", f"{_COMMANDS}.experiment:experiment"),
+    "reproduce": Lazy("Reproduce the paper: single, five, unseen.", f"{_COMMANDS}.experiment:reproduce"),
+    "ask": Lazy("Ask the embedded planner about a picture.", f"{_COMMANDS}.ask:ask"),
+    "homes": Lazy("Look at procedural homes.", f"{_COMMANDS}.homes:app"),
+    "scenes": Lazy("Scans of real homes: GLB, OBJ, PLY, HM3D folders.", f"{_COMMANDS}.scenes:app"),
+    "episodes": Lazy("Make and check files of episodes, in Habitat's format.", f"{_COMMANDS}.episodes:app"),
+    "models": Lazy("The small networks that ThinkNav ships: make, measure.", f"{_COMMANDS}.models:app"),
+    "bench": Lazy("Measure speed and memory on this machine.", f"{_COMMANDS}.bench:app"),
+    "redo": Lazy("Go once more through why a run stopped.", f"{_COMMANDS}.redo:redo"),
+}
+
+app = lazy_app(
+    COMMANDS,
     help="Robots that find objects in homes, and ask for a hint when a hint is worth its cost.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
 )
-app.add_typer(episodes.app, name="episodes")
-app.add_typer(homes.app, name="homes")
-app.add_typer(bench.app, name="bench")
-app.add_typer(scenes.app, name="scenes")
-app.command("ask")(ask.ask)
-app.command("eval")(evaluate.evaluate)
-app.command("budgets")(budgets.budgets)
-app.command("compare")(compare.compare_runs)
-app.command("experiment")(experiment.experiment)
-app.command("reproduce")(experiment.reproduce)
-app.add_typer(models.app, name="models")
-
-Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="e.g. --set ppo.lr=1e-4")]
-Preset = Annotated[str, typer.Option(help=f"one of: {', '.join(presets())}")]
-ConfigFile = Annotated[Path | None, typer.Option("--config", help="a YAML file over the preset")]
-Planner = Annotated[str | None, typer.Option(help="URL of the planning service, over the configuration's")]
-Strategy = Annotated[str | None, typer.Option(help=f"when to think, never or: {', '.join(STRATEGIES)}")]
-Reward = Annotated[str | None, typer.Option(help=f"the reward scheme: {', '.join(REWARD_SCHEMES)}")]
-Runs = Annotated[Path, typer.Option(help="folder of all runs")]
-
-
-@app.command()
-def train(
-    name: Annotated[str, typer.Option(help="of the run: its folder in --runs")],
-    preset: Preset = "cpu",
-    config_file: ConfigFile = None,
-    overrides: Overrides = None,
-    strategy: Strategy = None,
-    reward: Reward = None,
-    planner: Planner = None,
-    runs: Runs = Path("runs"),
-    resume: Annotated[bool, typer.Option("--resume", help="go on with the run of this name")] = False,
-    replay: Annotated[Path | None, typer.Option(help="a run's folder: its recorded replies, no service")] = None,
-) -> None:
-    """Train a policy. Needs a planning service (thinknav-server serve), but for think.strategy=never.
-
-    With --resume the run's own configuration takes the place of the preset; with --replay that of the recorded run.
-    --strategy and --reward stand for --set think.strategy=… and think.reward=….
-    Under torchrun several processes train one policy (docs/scaling.md), and go on by themselves where it restarts them.
-    """
-    if resume and replay:
-        raise ConfigError("--replay repeats a run from its beginning: it does not go with --resume")
-    if times_restarted() > 0 and replay is None:
-        resume = resume or (runs / name / "config.yaml").exists()
-
-    named = {"think.strategy": strategy, "think.reward": reward}
-    changes = [f"{key}={value}" for key, value in named.items() if value is not None] + (overrides or [])
-
-    def configure() -> TrainConfig:
-        if resume or replay:
-            config = change_config(read_config(replay or runs / name), config_file, changes)
-        else:
-            config = load_config(preset, config_file, changes)
-        return config.with_planner(planner)
-
-    with interruption() as interrupted, join_workers(configure) as (workers, config):
-        path = train_run(runs / name, config, interrupted, resume, replay=replay, workers=workers)
-    if workers.rank == 0:
-        Console().print(f"checkpoint: {path}", soft_wrap=True)
-    raise typer.Exit(interrupted.exit_code)
-
-
-@app.command()
-def report(run: Annotated[Path, typer.Argument(help="the folder of a run, evaluated before")]) -> None:
-    """Write report.html into a run's folder."""
-    Console().print(f"report: {write_report(run)}", soft_wrap=True)
-
-
-@app.command()
-def redo(dump: Annotated[Path, typer.Argument(help="a file in the dumps/ of a run that stopped")]) -> None:
-    """Go once more through what made a run stop with a number that is not finite. For dumps of your own only."""
-    Console().print(redo_dump(dump), soft_wrap=True)
-
-
-@app.command()
-def demo(
-    runs: Runs = Path("runs"),
-    preset: Preset = "demo",
-    overrides: Overrides = None,
-) -> None:
-    """Start a planning service, train, evaluate before and after, and write runs/demo/report.html."""
-    config = load_config(preset, None, overrides or ())
-    with interruption() as interrupted:
-        page = run_demo(runs / "demo", config, interrupted)
-    if page is not None:
-        Console().print(f"report: {page}", soft_wrap=True)
-    raise typer.Exit(interrupted.exit_code)
 
 
 def main() -> None:
@@ -167,10 +57,11 @@ def main() -> None:
         logging.getLogger().setLevel(logging.ERROR)
     try:
         app()
-    except USAGE_ERRORS as error:
-        _fail(error, 2)
-    except FAILURES as error:
-        _fail(error, 1)
+    except Exception as error:
+        status = exit_status(error)
+        if status is None:
+            raise
+        _fail(error, status)
     except KeyboardInterrupt:
         _fail(KeyboardInterrupt("interrupted"), 130)
 

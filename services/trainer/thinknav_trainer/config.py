@@ -14,11 +14,14 @@ import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from thinknav_sim.task_config import ObjectNavConfig
-from thinknav_trainer.forcing import NEVER
-from thinknav_trainer.precision import Precision
+from thinknav_trainer.errors import UserError
+
+# A prior on the logit of think under which the policy never thinks by itself; finite, so that no product of it is NaN.
+NEVER = -1e9
+Precision = Literal["auto", "float32", "bfloat16"]  # in which number format the policy acts and learns
 
 
-class ConfigError(ValueError):
+class ConfigError(UserError):
     """A configuration that cannot be used; the message says which key, what is wrong, and the nearest right one."""
 
 

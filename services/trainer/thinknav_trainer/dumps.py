@@ -12,6 +12,7 @@ from typing import Any
 import torch
 
 from thinknav_trainer.checkpoint import CheckpointError
+from thinknav_trainer.errors import RunFailure
 from thinknav_trainer.files import replacing
 
 
@@ -23,7 +24,7 @@ class NotFinite(RuntimeError):
         self.evidence = dict(evidence)
 
 
-class TrainingDiverged(RuntimeError):
+class TrainingDiverged(RunFailure):
     """A run stopped because of a number that is not finite; the message says which, where, and where the dump lies."""
 
 

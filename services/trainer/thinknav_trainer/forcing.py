@@ -14,9 +14,6 @@ from thinknav_sim.task_config import Action
 # The observation (n,) float32 that holds f; absent where nothing is forced.
 FORCED_THINK = "forced_think"
 
-# A prior on the logit of think under which the policy never thinks by itself; finite, so that no product of it is NaN.
-NEVER = -1e9
-
 
 def acting_log_probs(log_probs: Tensor, forced: Tensor | None) -> Tensor:
     """Log-probabilities (n, A) of the mixture from those of the policy, and f (n,)."""

@@ -1,15 +1,14 @@
 """In which number format the policy acts and learns."""
 
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any, Literal
+from typing import Any
 
 import torch
 
 from thinknav_models.bfloat16 import bfloat16_is_fast
+from thinknav_trainer.config import Precision
 
 CPU = torch.device("cpu")
-
-Precision = Literal["auto", "float32", "bfloat16"]
 
 
 def autocast(precision: Precision, device: torch.device = CPU) -> AbstractContextManager[Any]:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskProgressColumn, TextColumn
 
-from thinknav_trainer.workers import own_rank
+from thinknav_trainer.torchrun_environment import own_rank
 
 logger = logging.getLogger(__name__)
 
@@ -34,7 +34,7 @@ class ProgressBar:
         """Work done so far, in all."""
         now = time.monotonic()
         rate = (done - self._start_done) / max(now - self._start, 1e-9)
-        left = (self._total - done) / rate if rate else 0.0
+        left = max(0, self._total - done) / rate if rate else 0.0  # the last update may go beyond
         text = f"{rate:,.0f} {self._unit}/s, {_duration(left)} left{', ' if note else ''}{note}"
         self._bar.update(self._task, completed=done, note=text)
         if not self._bar.console.is_terminal and now - self._last_line >= LOG_EVERY_S:

@@ -22,13 +22,14 @@ from thinknav_proto import (
     Timings,
     error_from_wire,
 )
+from thinknav_trainer.errors import UserError
 from thinknav_trainer.planner import Answer, PlannerClient
 from thinknav_trainer.thoughts import embedding_of
 
 PLANNER, THOUGHTS, EMBEDDINGS = "planner.json", "thoughts.jsonl", "embeddings.jsonl"
 
 
-class RecordingError(ValueError):
+class RecordingError(UserError):
     """A run that cannot be replayed; the message says why."""
 
 

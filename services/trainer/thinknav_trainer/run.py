@@ -20,6 +20,7 @@ from thinknav_proto import PlannerInfo, SubgoalReply
 from thinknav_trainer.checkpoint import Checkpoint, CheckpointError
 from thinknav_trainer.config import ConfigError, TrainConfig, parse_config
 from thinknav_trainer.dumps import write_dump
+from thinknav_trainer.errors import UserError
 from thinknav_trainer.files import remove_leftovers, replace_text
 from thinknav_trainer.recording import EMBEDDINGS, PLANNER
 from thinknav_trainer.thoughts import Thought, embedding_line, embedding_name
@@ -30,7 +31,7 @@ LOGS = ("metrics", "timing", "thoughts", "embeddings", "validation")
 BEST = "best.pt"
 
 
-class RunError(ValueError):
+class RunError(UserError):
     """A run folder that cannot be used; the message says which and what to do."""
 
 

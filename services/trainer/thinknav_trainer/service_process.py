@@ -13,13 +13,15 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from thinknav_trainer.errors import RunFailure
+
 logger = logging.getLogger(__name__)
 
 START_TIMEOUT_S = 60.0
 STOP_TIMEOUT_S = 10.0
 
 
-class ServiceError(RuntimeError):
+class ServiceError(RunFailure):
     """The planning service could not be started; the message holds its last words."""
 
 

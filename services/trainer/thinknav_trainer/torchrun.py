@@ -20,7 +20,8 @@ from torch.distributed.rendezvous import rendezvous
 
 from thinknav_trainer.config import TrainConfig, parse_config
 from thinknav_trainer.heartbeat import Heartbeat
-from thinknav_trainer.workers import WorkerLost, Workers, times_restarted
+from thinknav_trainer.torchrun_environment import times_restarted
+from thinknav_trainer.workers import WorkerLost, Workers
 
 T = TypeVar("T")
 

@@ -14,6 +14,7 @@ from torch.nn import functional
 
 from thinknav_models.clip.image import ClipImageEncoder
 from thinknav_trainer.config import PolicyConfig
+from thinknav_trainer.errors import UserError
 
 PICTURES = ("rgb", "depth")
 COARSE_DEPTH = 32  # pixels, each way: enough to see what is in the way
@@ -21,7 +22,7 @@ PATCH = 8  # of them, each way: as many patches as the CLIP's features have cell
 PATCH_FEATURES = 32
 
 
-class EmbeddingSpaceError(ValueError):
+class EmbeddingSpaceError(UserError):
     """Two sides that must share an embedding space do not; the message names both spaces and says what to do."""
 
 

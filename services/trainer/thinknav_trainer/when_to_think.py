@@ -9,8 +9,7 @@ from dataclasses import dataclass
 import torch
 
 from thinknav_sim.task_config import Action
-from thinknav_trainer.config import ConfigError, TrainConfig
-from thinknav_trainer.forcing import NEVER
+from thinknav_trainer.config import NEVER, ConfigError, TrainConfig
 from thinknav_trainer.policy import Policy
 
 

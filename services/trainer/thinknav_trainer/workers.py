@@ -4,7 +4,6 @@
 of policies and envs.
 """
 
-import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Protocol, TypeVar
@@ -13,11 +12,13 @@ import numpy as np
 from torch import Tensor
 
 from thinknav_trainer.config import TrainConfig
+from thinknav_trainer.errors import RunFailure
+from thinknav_trainer.torchrun_environment import started_by_torchrun
 
 T = TypeVar("T")
 
 
-class WorkerLost(RuntimeError):
+class WorkerLost(RunFailure):
     """Another worker is gone, and the run with it; the message says which one."""
 
 
@@ -100,18 +101,3 @@ def join_workers(configure: Callable[[], TrainConfig]) -> Iterator[tuple[Workers
 
     with torchrun_workers(configure) as joined:
         yield joined
-
-
-def started_by_torchrun() -> bool:
-    """Whether this process is one of several, by the environment that torchrun gives them."""
-    return {"RANK", "WORLD_SIZE", "MASTER_ADDR"} <= os.environ.keys()
-
-
-def own_rank() -> int:
-    """This process's place among the workers; 0 for a lone one."""
-    return int(os.environ["RANK"]) if started_by_torchrun() else 0
-
-
-def times_restarted() -> int:
-    """How often torchrun has restarted the workers."""
-    return int(os.environ.get("TORCHELASTIC_RESTART_COUNT", "0"))
