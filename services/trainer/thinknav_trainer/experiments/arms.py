@@ -30,9 +30,7 @@ NEVER = Arm("never", _NEVER, HEADLINE_SEEDS)
 NEVER_CLONED = Arm("never-cloned", (*_NEVER, "warm_start.demonstrator=bump-walker", *CLONED))
 PAPER = Arm("agent-paper", ("think.reward=paper",), HEADLINE_SEEDS)
 THINK_COST = Arm("agent-think-cost")
-CAPPED = Arm("agent-capped", ("think.reward=capped",))
 CLONE = Arm("agent-cloned", CLONED, HEADLINE_SEEDS)
-CLONE_LONGER = Arm("agent-cloned-longer", (*CLONED, "warm_start.steps=150000"))
 CLONE_BUDGET = Arm("agent-cloned-budget", (*CLONED, *_BUDGET))
 FORESIGHT = Arm("agent-foresight", (*CLONED, *_BUDGET, *_FORESIGHT))
 WITH_MEMORY = tuple(Arm(f"{arm.name}-memory", (*arm.overrides, *_MEMORY)) for arm in (NEVER, CLONE))
@@ -64,17 +62,14 @@ def longer(arm: Arm, steps: int) -> Arm:
     return Arm(f"{arm.name}-{name}", (*arm.overrides, f"total_steps={steps}"))
 
 
-def controls_of(arm: Arm) -> tuple[Arm, ...]:
-    """An arm with what it is told replaced, in training and evaluation, in three ways."""
-    return tuple(
-        Arm(f"{arm.name}-{control}", (*arm.overrides, f"planner.control={control}"))
-        for control in ("zeros", "another", "constant")
-    )
+def control_of(arm: Arm, control: str) -> Arm:
+    """An arm with what it is told replaced, in training and evaluation."""
+    return Arm(f"{arm.name}-{control}", (*arm.overrides, f"planner.control={control}"))
 
 
 def arms_of_single() -> tuple[Arm, ...]:
     """One home: everything."""
-    schemes = ("task", "annealed", "progress_gated", "potential")
+    schemes = ("capped", "task", "annealed", "progress_gated", "potential")
     return (
         NEVER,
         PAPER,
@@ -87,19 +82,17 @@ def arms_of_single() -> tuple[Arm, ...]:
         Arm("never-beside", (*_NEVER, *_BESIDE)),
         Arm("agent-cloned-beside", (*CLONED, *_BESIDE)),
         THINK_COST,
-        CAPPED,
         *(Arm(f"agent-{scheme.replace('_', '-')}", (f"think.reward={scheme}",)) for scheme in schemes),
         Arm("agent-prior", ("policy.think_bias=1",)),
         Arm("agent-forced", FORCED),
         Arm("agent-cloned-forced", (*CLONED, *FORCED)),
         Arm("agent-cloned-paper", (*CLONED, *PAPER.overrides)),
-        Arm("agent-cloned-capped", (*CLONED, *CAPPED.overrides)),
+        Arm("agent-cloned-capped", (*CLONED, "think.reward=capped")),
         Arm("agent-cloned-context", (*CLONED, *_RECENT)),
         EVERY_N,
         Arm("once", ("think.strategy=once",)),
-        *controls_of(THINK_COST),
-        *controls_of(CLONE),
-        Arm("agent-paper-random", (*PAPER.overrides, "planner.control=random")),
+        *(control_of(CLONE, control) for control in ("zeros", "another", "constant")),
+        control_of(PAPER, "random"),
         PERFECT,
         *(
             Arm(f"privileged-{share}", (*_PRIVILEGED, f"planner.privileged.error={share}"))
@@ -110,24 +103,21 @@ def arms_of_single() -> tuple[Arm, ...]:
 
 def arms_of_five() -> tuple[Arm, ...]:
     """Five homes: the headline arms, and what it takes to explain them."""
-    masked = [arm for arm in controls_of(CLONE) if not arm.name.endswith("constant")]
     return (
         NEVER,
         PAPER,
         CLONE,
-        CLONE_LONGER,
         *WITH_MEMORY,
         FORESIGHT,
-        *(longer(arm, 1_000_000) for arm in (NEVER, FORESIGHT)),
+        longer(NEVER, 1_000_000),
         NEVER_CLONED,
         THINK_COST,
-        CAPPED,
-        *masked,
+        control_of(CLONE, "another"),
         PERFECT,
     )
 
 
 def arms_of_unseen() -> tuple[Arm, ...]:
     """Homes never seen: three seeds of each."""
-    arms = (NEVER, CLONE, CLONE_LONGER, *WITH_MEMORY, FORESIGHT, PAPER)
+    arms = (NEVER, CLONE, *WITH_MEMORY, FORESIGHT, PAPER)
     return tuple(Arm(arm.name, arm.overrides) for arm in arms)
