@@ -35,7 +35,7 @@ class ProgressBar:
         now = time.monotonic()
         rate = (done - self._start_done) / max(now - self._start, 1e-9)
         left = max(0, self._total - done) / rate if rate else 0.0  # the last update may go beyond
-        text = f"{rate:,.0f} {self._unit}/s, {_duration(left)} left{', ' if note else ''}{note}"
+        text = f"{rate:,.{1 if rate < 10 else 0}f} {self._unit}/s, {_duration(left)} left{', ' if note else ''}{note}"
         self._bar.update(self._task, completed=done, note=text)
         if not self._bar.console.is_terminal and now - self._last_line >= LOG_EVERY_S:
             self._last_line = now
