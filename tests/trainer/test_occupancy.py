@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from thinknav_sim.observations import compass, gps
 from thinknav_sim.task_config import ObjectNavConfig
-from thinknav_trainer.occupancy import BLOCKED, CELL_M, FREE, UNKNOWN, OccupancyMap, ahead_of, map_pose
+from thinknav_trainer.obstacle_kernels import BLOCKED, FREE, UNKNOWN
+from thinknav_trainer.occupancy import CELL_M, OccupancyMap, ahead_of, map_pose
 
 CONFIG = ObjectNavConfig(width=64, height=64)
 START = np.zeros(4)

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from thinknav_sim.render import Camera
 from thinknav_sim.task_config import ObjectNavConfig
+from thinknav_trainer.obstacle_kernels import BLOCKED, FREE, UNKNOWN, mark_obstacles
 from thinknav_trainer.visible import camera_rays
 
 CELL_M = 0.05
 HALF_M = 25.0  # how far the map reaches from the start; what lies beyond stays unknown
-UNKNOWN, FREE, BLOCKED = 0, 1, 2
 # What rises no higher above the floor is no obstacle, as in the simulator.
 FLOOR_M = 0.1
 _RAYS = 64  # along each side of the picture
@@ -51,6 +51,7 @@ class OccupancyMap:
         self._config = config
         camera = Camera(config.width, config.height, config.hfov, config.camera_height)
         (rows, columns), left, up = camera_rays(camera, _RAYS)
+        self._rays = rows, columns, up, left
         shape = min(_RAYS, config.height), min(_RAYS, config.width)
         self._pixels = rows.reshape(shape), columns.reshape(shape)
         self._up = up.reshape(shape)
@@ -67,30 +68,21 @@ class OccupancyMap:
         A cell is free when it is nearer than whatever is in the way of a body in the columns of the picture on both
         its sides. What blocks once blocks for good: nothing here moves.
         """
-        forward, read, in_the_way = self._obstacles(depth)
-        # Nearer than the sensor reads, a thing is somewhere in front of the body.
-        self._clear(pose, np.where(in_the_way, np.where(read, forward, 0.0), self._config.max_depth).min(axis=0))
-        self._block(pose, forward, in_the_way & read)
-
-    def look_for_obstacles(self, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> None:
-        """The same, for whoever does not ask what is free: a quarter of the work."""
-        forward, read, in_the_way = self._obstacles(depth)
-        self._block(pose, forward, in_the_way & read)
-
-    def _obstacles(
-        self, depth: NDArray[np.float32]
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]:
-        """Of each ray: metres ahead, whether the sensor reads so near, and whether a body would be stopped there."""
         config = self._config
         seen = depth[*self._pixels, 0]
         forward = config.min_depth + seen * (config.max_depth - config.min_depth)
         height = config.camera_height + self._up * forward
-        return forward, seen > 0, (height > FLOOR_M) & (height < config.agent_height) & (seen < 1)
+        in_the_way = (height > FLOOR_M) & (height < config.agent_height) & (seen < 1)
+        # Nearer than the sensor reads, a thing is somewhere in front of the body.
+        self._clear(pose, np.where(in_the_way, np.where(seen > 0, forward, 0.0), config.max_depth).min(axis=0))
+        self.look_for_obstacles(depth, pose)
 
-    def _block(self, pose: NDArray[np.float64], forward: NDArray[np.float32], hits: NDArray[np.bool_]) -> None:
-        rows, columns = np.nonzero(hits)
-        ends = forward[rows, columns]
-        self.state[self.cells(ahead_of(pose, self._left[columns] * ends, ends))] = BLOCKED
+    def look_for_obstacles(self, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> None:
+        """The same, for whoever does not ask what is free: a hundredth of the work."""
+        config = self._config
+        sensor = config.min_depth, config.max_depth
+        body = config.camera_height, config.agent_height, FLOOR_M
+        mark_obstacles(self.state, depth, self._rays, pose, sensor, body, CELL_M, HALF_M)
 
     def bump(self, pose: NDArray[np.float64]) -> None:
         """Something that the camera does not see stands right ahead of the body."""

@@ -13,7 +13,8 @@ from thinknav_trainer.agents.ways import Floor
 from thinknav_trainer.config import TrainConfig, load_config
 from thinknav_trainer.evaluate_agent import Setting, evaluate_agent
 from thinknav_trainer.home_sets import parse_home_set
-from thinknav_trainer.occupancy import BLOCKED, FREE, OccupancyMap, ahead_of
+from thinknav_trainer.obstacle_kernels import BLOCKED, FREE
+from thinknav_trainer.occupancy import OccupancyMap, ahead_of
 from thinknav_trainer.scenes import Homes
 
 START = np.zeros(4)

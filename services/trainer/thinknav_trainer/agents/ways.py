@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from thinknav_sim.navigation import GridTable, NavigationGrid, distance_field, distances_at
-from thinknav_trainer.occupancy import BLOCKED, CELL_M, FREE, HALF_M, UNKNOWN, OccupancyMap
+from thinknav_trainer.obstacle_kernels import BLOCKED, FREE, UNKNOWN
+from thinknav_trainer.occupancy import CELL_M, HALF_M, OccupancyMap
 
 # A rim of fewer cells is no way on.
 RIM_CELLS = 5
