@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from thinknav_sim.task_config import ObjectNavConfig
@@ -22,6 +22,7 @@ def wall(metres: float, columns: slice = slice(None)) -> np.ndarray:
     return depth
 
 
+@settings(deadline=None)  # the first call loads the kernels
 @given(st.floats(-math.pi, math.pi), st.floats(-3, 3), st.floats(-3, 3))
 def test_an_empty_world_is_free_ahead(compass: float, ahead: float, right: float) -> None:
     free = FreeHeading(CONFIG)
