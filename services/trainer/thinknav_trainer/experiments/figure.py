@@ -5,7 +5,6 @@ band (Student's).
 Knows the lines of a ledger; nothing of runs.
 """
 
-import io
 from collections.abc import Sequence
 from typing import Any
 
@@ -15,6 +14,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
 
+from thinknav_trainer.experiments.drawing import COLORS, INK, dress, saved
 from thinknav_trainer.experiments.experiment import Experiment
 from thinknav_trainer.experiments.ledger import Line
 from thinknav_trainer.experiments.summary import lines_of
@@ -29,10 +29,7 @@ PANELS = {
     "think_loops": "Steps in think–agree loops, a share",
 }
 MOST_LINES = 8
-# Okabe and Ito's, which people tell apart who see colours otherwise; and lines that differ without colour.
-COLORS = ("#000000", "#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#8a7d00")
 DASHES: tuple[Any, ...] = ("-", "-", "-", "--", "--", "-.", "-.", ":")
-_INK, _GRID = "#26323d", "#e3e8ed"
 _POINTS = 40
 _FEWEST_SEEDS = 3  # of a band: that of two is wider than any picture
 
@@ -50,16 +47,22 @@ def draw_curves(experiment: Experiment, lines: Sequence[Line]) -> dict[str, byte
     for axes, (measure, title) in zip(grid.flat, PANELS.items(), strict=True):
         for place, name in enumerate(drawn):
             _draw(axes, _over_seeds(arms[name], measure), COLORS[place], DASHES[place])
-        _dress(axes, title, share=measure != "distance_to_goal")
+        dress(axes, title)
+        axes.xaxis.set_major_formatter(lambda value, _: f"{value / 1000:g}k")
+        axes.set_xlim(left=0)
+        if measure == "distance_to_goal":
+            axes.set_ylim(bottom=0)
+        else:
+            axes.set_ylim(-0.02, 1.02)
     for axes in grid[1]:
-        axes.set_xlabel("steps of training (mean; 95 % band of three seeds or more)", fontsize=9, color=_INK)
+        axes.set_xlabel("steps of training (mean; 95 % band of three seeds or more)", fontsize=9, color=INK)
     handles = [
         matplotlib.lines.Line2D([], [], color=COLORS[place], linestyle=DASHES[place], linewidth=2.2)
         for place in range(len(drawn))
     ]
     labels = [_label(name, arms[name], experiment) for name in drawn]
     figure.legend(handles, labels, loc="outside upper center", ncols=min(5, len(drawn)), frameon=False, fontsize=9)
-    return {ending: _saved(figure, ending) for ending in ("svg", "png")}
+    return {ending: saved(figure, ending) for ending in ("svg", "png")}
 
 
 def _with_curves(lines: Sequence[Line]) -> list[Line]:
@@ -93,26 +96,3 @@ def _draw(axes: Axes, curve: _Curve, color: str, dashes: str) -> None:
     if band is not None:
         axes.fill_between(steps, band[0], band[1], color=color, alpha=0.13, linewidth=0)
     axes.plot(steps, means, color=color, linestyle=dashes, linewidth=2)
-
-
-def _dress(axes: Axes, title: str, share: bool) -> None:
-    axes.set_title(title, loc="left", fontsize=11, color=_INK, fontweight="bold")
-    axes.xaxis.set_major_formatter(lambda value, _: f"{value / 1000:g}k")
-    axes.tick_params(labelsize=9, colors=_INK)
-    axes.grid(color=_GRID)
-    axes.set_axisbelow(True)
-    axes.spines[["top", "right"]].set_visible(False)
-    axes.set_xlim(left=0)
-    if share:
-        axes.set_ylim(-0.02, 1.02)
-    else:
-        axes.set_ylim(bottom=0)
-
-
-def _saved(figure: matplotlib.figure.Figure, ending: str) -> bytes:
-    """The same bytes for the same figure."""
-    buffer = io.BytesIO()
-    metadata = {"Date": None} if ending == "svg" else {"Software": None}
-    with matplotlib.rc_context({"svg.fonttype": "none", "font.family": "sans-serif", "svg.hashsalt": "thinknav"}):
-        figure.savefig(buffer, format=ending, dpi=130, metadata=metadata)
-    return buffer.getvalue()

@@ -2,7 +2,7 @@
 of, and how it was made. Knows the form that `summary` gives; computes nothing but shares.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from thinknav_trainer.experiments.experiment import Experiment
@@ -22,8 +22,14 @@ _FARMING = {"think_loops": "think loops", "spinning": "turns for nothing", "agre
 _WITH_INTERVAL = ("success", "spl")
 
 
-def markdown(experiment: Experiment, result: dict[str, Any], figure: str | None) -> str:
-    """The page. figure: file beside it, if there is one."""
+_FIGURES = {
+    "curves": "Learning curves of {}: mean and 95 % band over seeds",
+    "quality": "SPL in {} against the share of the planner's answers that are redrawn at random",
+}
+
+
+def markdown(experiment: Experiment, result: dict[str, Any], figures: Mapping[str, str]) -> str:
+    """The page. figures: files beside it, by kind."""
     protocol = result["protocol"]
     parts = [
         f"# {protocol['experiment']}",
@@ -35,8 +41,7 @@ def markdown(experiment: Experiment, result: dict[str, Any], figure: str | None)
         *_replaced(result),
         *_returns(result),
     ]
-    if figure is not None:
-        parts.append(f"![Learning curves of {experiment.name}: mean and 95 % band over seeds]({figure})")
+    parts += [f"![{_FIGURES[kind].format(experiment.name)}]({file})" for kind, file in figures.items()]
     parts += ["## Protocol", "\n".join(f"- {note}" for note in _notes(protocol)), _overrides(protocol)]
     return "\n\n".join(parts) + "\n"
 

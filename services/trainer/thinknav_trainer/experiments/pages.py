@@ -1,4 +1,4 @@
-"""All that is written down of an experiment: `NAME.json`, `NAME.md`, and the curves as `NAME-curves.svg` and `.png`."""
+"""All that is written down of an experiment: `NAME.json`, `NAME.md`, and figures as `NAME-….svg` and `.png`."""
 
 import json
 from collections.abc import Sequence
@@ -9,8 +9,11 @@ from thinknav_trainer.experiments.experiment import Experiment
 from thinknav_trainer.experiments.figure import draw_curves
 from thinknav_trainer.experiments.ledger import Line
 from thinknav_trainer.experiments.markdown import markdown
+from thinknav_trainer.experiments.quality_figure import draw_quality
 from thinknav_trainer.experiments.summary import summarize
 from thinknav_trainer.files import replace_text, replacing
+
+FIGURES = {"curves": draw_curves, "quality": draw_quality}
 
 
 def write_pages(experiment: Experiment, lines: Sequence[Line], folder: Path) -> Path:
@@ -21,13 +24,14 @@ def write_pages(experiment: Experiment, lines: Sequence[Line], folder: Path) -> 
     name = experiment.full_name
     result = summarize(experiment, lines)
     replace_text(folder / f"{name}.json", laid_out(result) + "\n")
-    figure = draw_curves(experiment, lines)
-    if figure is not None:
-        for ending, picture in figure.items():
-            with replacing(folder / f"{name}-curves.{ending}") as file:
+    figures = {}
+    for kind, draw in FIGURES.items():
+        for ending, picture in (draw(experiment, lines) or {}).items():
+            with replacing(folder / f"{name}-{kind}.{ending}") as file:
                 file.write(picture)
+            figures[kind] = f"{name}-{kind}.svg"
     page = folder / f"{name}.md"
-    replace_text(page, markdown(experiment, result, f"{name}-curves.svg" if figure else None))
+    replace_text(page, markdown(experiment, result, figures))
     return page
 
 
