@@ -78,7 +78,7 @@ class OccupancyMap:
         self.look_for_obstacles(depth, pose)
 
     def look_for_obstacles(self, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> None:
-        """The same, for whoever does not ask what is free: a hundredth of the work."""
+        """The same, for whoever does not ask what is free: much less work."""
         config = self._config
         sensor = config.min_depth, config.max_depth
         body = config.camera_height, config.agent_height, FLOOR_M

@@ -20,8 +20,6 @@ _ABSOLUTE = {
 }
 _FARMING = {"think_loops": "think loops", "spinning": "turns for nothing", "agreement_share": "agreement share"}
 _WITH_INTERVAL = ("success", "spl")
-
-
 _FIGURES = {
     "curves": "Learning curves of {}: mean and 95 % band over seeds",
     "quality": "SPL in {} against the share of the planner's answers that are redrawn at random",

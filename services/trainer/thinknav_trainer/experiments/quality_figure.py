@@ -47,7 +47,8 @@ def _by_error(experiment: Experiment, lines: Sequence[Line]) -> tuple[_BySeed, _
     for arm in experiment.arms:
         planner = experiment.config(arm, 0).planner
         own = lines_of(arm, lines)
-        if planner.url == "privileged" and own:
+        is_heard = planner.control == "none" and not planner.privileged.shuffled
+        if planner.url == "privileged" and is_heard and own:
             error = planner.privileged.error
             told[error] = [line["measures"]["spl"] for line in own]
             masked[error] = [line["masked"]["spl"] for line in own]
