@@ -47,7 +47,7 @@ def markdown(experiment: Experiment, result: dict[str, Any], figures: Mapping[st
 def _warnings(protocol: dict[str, Any]) -> list[str]:
     forms = {
         "smoke": "**A smoke test**: seconds of training, so that nothing is learnt and no number means anything.",
-        "quick": "**The quick form**: fewer arms, seeds and steps, smaller homes; the story, and no proof of it.",
+        "quick": "**The quick form**: fewer arms, seeds, steps and homes; the story, and no proof of it.",
     }
     found = [words for form, words in forms.items() if protocol["experiment"].endswith(f"-{form}")]
     short = [
