@@ -51,3 +51,9 @@ def test_seeds_are_where_their_quality_and_spl_are() -> None:
 def test_nothing_to_draw_of_one_quality() -> None:
     assert draw_quality(SINGLE, LINES[1:]) is None
     assert draw_quality(named_experiment("five"), LINES) is None
+
+
+def test_what_was_not_played_without_thoughts_has_no_dot() -> None:
+    drawn = draw_quality(SINGLE, [line("privileged", 0, 0.9), line("privileged-0.3", 0, 0.3, 0.3)])
+    assert drawn is not None
+    assert len(dots(drawn["svg"].decode())) == 3

@@ -51,12 +51,12 @@ def _by_error(experiment: Experiment, lines: Sequence[Line]) -> tuple[_BySeed, _
         if planner.url == "privileged" and is_heard and own:
             error = planner.privileged.error
             told[error] = [line["measures"]["spl"] for line in own]
-            masked[error] = [line["masked"]["spl"] for line in own]
+            masked[error] = [line["masked"]["spl"] for line in own if line.get("masked")]
     return dict(sorted(told.items())), dict(sorted(masked.items()))
 
 
 def _draw(axes: Axes, by_error: _BySeed, label: str, color: str, dashes: str) -> None:
-    means = [fmean(values) for values in by_error.values()]
-    axes.plot(list(by_error), means, color=color, linestyle=dashes, linewidth=2, label=label)
+    means = {error: fmean(values) for error, values in by_error.items() if values}
+    axes.plot(list(means), list(means.values()), color=color, linestyle=dashes, linewidth=2, label=label)
     for error, values in by_error.items():
         axes.plot([error] * len(values), values, "o", color=color, markersize=4, alpha=0.6)
