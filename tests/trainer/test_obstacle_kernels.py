@@ -47,9 +47,7 @@ def test_rays_block_the_cells_they_end_in(depth: NDArray[np.float32], place: tup
 
 
 @settings(deadline=None, max_examples=100)
-@given(
-    st.sets(st.tuples(st.integers(-12, 12), st.integers(-12, 12)), max_size=25), POSES, st.sampled_from([10, 15, 30])
-)
+@given(OBSTACLES, POSES, st.sampled_from([10, 15, 30]))
 def test_the_nearest_heading_whose_step_meets_nothing(
     obstacles: set[tuple[int, int]], place: tuple[float, float, float], degrees: int
 ) -> None:

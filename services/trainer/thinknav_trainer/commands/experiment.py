@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from thinknav_trainer.commands.options import Runs
 from thinknav_trainer.config import ConfigError
 from thinknav_trainer.experiments import (
     EXPERIMENTS,
@@ -23,7 +24,6 @@ Seeds = Annotated[int | None, typer.Option(min=1, help="of each arm; default: as
 Arms = Annotated[str | None, typer.Option(help="train some of the arms alone, separated by commas; default: all")]
 Jobs = Annotated[int, typer.Option(min=1, help="runs at a time; more than one: each with one thread")]
 Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="one key, in every arm")]
-Runs = Annotated[Path, typer.Option(help="folder of all runs")]
 Results = Annotated[
     Path | None, typer.Option(help="of ledger, table and figures; default: docs/results where it is there, or results")
 ]

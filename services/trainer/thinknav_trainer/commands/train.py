@@ -6,7 +6,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from thinknav_trainer.config import ConfigError, TrainConfig, change_config, load_config, presets
+from thinknav_trainer.commands.options import Overrides, Preset, Runs
+from thinknav_trainer.config import ConfigError, TrainConfig, change_config, load_config
 from thinknav_trainer.interrupt import interruption
 from thinknav_trainer.rewards import REWARD_SCHEMES
 from thinknav_trainer.run import read_config
@@ -18,15 +19,13 @@ from thinknav_trainer.workflow import train_run
 
 def train(
     name: Annotated[str, typer.Option(help="of the run: its folder in --runs")],
-    preset: Annotated[str, typer.Option(help=f"one of: {', '.join(presets())}")] = "cpu",
+    preset: Preset = "cpu",
     config_file: Annotated[Path | None, typer.Option("--config", help="a YAML file over the preset")] = None,
-    overrides: Annotated[
-        list[str] | None, typer.Option("--set", metavar="KEY=VALUE", help="e.g. --set ppo.lr=1e-4")
-    ] = None,
+    overrides: Overrides = None,
     strategy: Annotated[str | None, typer.Option(help=f"when to think, never or: {', '.join(STRATEGIES)}")] = None,
     reward: Annotated[str | None, typer.Option(help=f"the reward scheme: {', '.join(REWARD_SCHEMES)}")] = None,
     planner: Annotated[str | None, typer.Option(help="URL of the planning service, over the configuration's")] = None,
-    runs: Annotated[Path, typer.Option(help="folder of all runs")] = Path("runs"),
+    runs: Runs = Path("runs"),
     resume: Annotated[bool, typer.Option("--resume", help="go on with the run of this name")] = False,
     replay: Annotated[Path | None, typer.Option(help="a run's folder: its recorded replies, no service")] = None,
 ) -> None:
