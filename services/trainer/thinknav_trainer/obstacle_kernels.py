@@ -20,23 +20,32 @@ def mark_obstacles(state, depth, rays, pose, sensor, body, cell, half):  # type:
     of each one's pixel, metres up and to the left of the camera at depth 1, all (R,). pose: (4,), in the map's frame.
     sensor: metres at depths 0 and 1. body: height of its camera, its own, and what it steps over.
     cell: metres. half: how far the map reaches.
+
+    Returns how many metres ahead each ray (R,) meets what is in the way: 0 where it is too near to be read, the
+    sensor's reach where nothing is.
     """
     rows, columns, up, left = rays
+    ahead = np.full(len(rows), sensor[1], np.float32)
     nearest, reach = np.float32(sensor[0]), np.float32(sensor[1] - sensor[0])
     eye, top, floor = np.float32(body[0]), np.float32(body[1]), np.float32(body[2])
     sine, cosine = np.float32(math.sin(pose[3])), np.float32(math.cos(pose[3]))
     for ray in range(len(rows)):
         seen = depth[rows[ray], columns[ray], 0]
-        if not 0 < seen < 1:  # too near to be read, or too far
+        if not seen < 1:  # too far
             continue
         forward = nearest + seen * reach
         height = eye + up[ray] * forward
         if not floor < height < top:
             continue
+        if not seen > 0:  # somewhere in front of the body
+            ahead[ray] = 0
+            continue
+        ahead[ray] = forward
         aside = left[ray] * forward
         x = pose[0] - cosine * aside - sine * forward
         z = pose[2] + sine * aside - cosine * forward
         state[_cell(z, cell, half, state.shape[0]), _cell(x, cell, half, state.shape[1])] = BLOCKED
+    return ahead
 
 
 @njit(cache=True)

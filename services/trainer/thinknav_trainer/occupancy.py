@@ -52,10 +52,8 @@ class OccupancyMap:
         camera = Camera(config.width, config.height, config.hfov, config.camera_height)
         (rows, columns), left, up = camera_rays(camera, _RAYS)
         self._rays = rows, columns, up, left
-        shape = min(_RAYS, config.height), min(_RAYS, config.width)
-        self._pixels = rows.reshape(shape), columns.reshape(shape)
-        self._up = up.reshape(shape)
-        self._left: NDArray[np.float32] = left.reshape(shape)[0]  # of each column, at depth 1; falls from left to right
+        # Of each column of rays, at depth 1; falls from left to right.
+        self._left: NDArray[np.float32] = left[: min(_RAYS, config.width)]
 
     def cells(self, places: NDArray[np.floating]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
         """Rows and columns of places (..., 2), x and z; those beyond the map are put on its rim."""
@@ -68,21 +66,16 @@ class OccupancyMap:
         A cell is free when it is nearer than whatever is in the way of a body in the columns of the picture on both
         its sides. What blocks once blocks for good: nothing here moves.
         """
-        config = self._config
-        seen = depth[*self._pixels, 0]
-        forward = config.min_depth + seen * (config.max_depth - config.min_depth)
-        height = config.camera_height + self._up * forward
-        in_the_way = (height > FLOOR_M) & (height < config.agent_height) & (seen < 1)
-        # Nearer than the sensor reads, a thing is somewhere in front of the body.
-        self._clear(pose, np.where(in_the_way, np.where(seen > 0, forward, 0.0), config.max_depth).min(axis=0))
-        self.look_for_obstacles(depth, pose)
+        ahead = self.look_for_obstacles(depth, pose)
+        self._clear(pose, ahead.reshape(-1, len(self._left)).min(axis=0))
 
-    def look_for_obstacles(self, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> None:
-        """The same, for whoever does not ask what is free: much less work."""
+    def look_for_obstacles(self, depth: NDArray[np.float32], pose: NDArray[np.float64]) -> NDArray[np.float32]:
+        """The same, for whoever does not ask what is free: much less work. Returns what `mark_obstacles` does."""
         config = self._config
         sensor = config.min_depth, config.max_depth
         body = config.camera_height, config.agent_height, FLOOR_M
-        mark_obstacles(self.state, depth, self._rays, pose, sensor, body, CELL_M, HALF_M)
+        ahead: NDArray[np.float32] = mark_obstacles(self.state, depth, self._rays, pose, sensor, body, CELL_M, HALF_M)
+        return ahead
 
     def bump(self, pose: NDArray[np.float64]) -> None:
         """Something that the camera does not see stands right ahead of the body."""
