@@ -7,6 +7,7 @@ import pytest
 
 from thinknav_proto import PlannerError, SubgoalReply, SubgoalRequest
 from thinknav_sim.vector_env import ObjectNavVectorEnv
+from thinknav_trainer.asking import AskApart, AskTogether
 from thinknav_trainer.config import TrainConfig, load_config
 from thinknav_trainer.planner import MockTransport, PlannerClient
 from thinknav_trainer.scenes import Homes, make_homes
@@ -28,9 +29,12 @@ def homes(smoke: TrainConfig) -> Homes:
 
 @pytest.fixture
 def thinking_env(smoke: TrainConfig, homes: Homes) -> MakeThinkingEnv:
-    """Makes a ThinkingEnv over `count` agents with a handler (None: no planner) and changes to its think config."""
+    """Makes a ThinkingEnv over `count` agents with a handler (None: no planner) that answers after so many seconds, and
+    changes to its think config."""
 
-    def make(handler: Handler | None, count: int = 2, max_steps: int = 20, **think: Any) -> ThinkingEnv:
+    def make(
+        handler: Handler | None, count: int = 2, max_steps: int = 20, latency: float = 0.0, **think: Any
+    ) -> ThinkingEnv:
         if handler is None:
             think["strategy"] = "never"
         config = smoke.model_copy(
@@ -40,7 +44,7 @@ def thinking_env(smoke: TrainConfig, homes: Homes) -> MakeThinkingEnv:
             }
         )
         env = ObjectNavVectorEnv(homes.scenes, homes.train, count, config.task, seed=3)
-        planner = None if handler is None else PlannerClient(MockTransport(handler))
-        return ThinkingEnv(env, config.think, planner)
+        planner = None if handler is None else PlannerClient(MockTransport(handler, latency))
+        return ThinkingEnv(env, config.think, planner, AskApart if latency else AskTogether)
 
     return make

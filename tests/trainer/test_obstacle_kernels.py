@@ -33,10 +33,10 @@ def test_rays_block_the_cells_they_end_in(depth: NDArray[np.float32], place: tup
     state = np.zeros((SIDE, SIDE), np.uint8)
     ahead = mark_obstacles(state, depth, (rows, columns, up, left), pose, SENSOR, BODY, CELL, HALF)
 
-    metres = SENSOR[0] + (SENSOR[1] - SENSOR[0]) * depth.ravel()
-    in_the_way = (metres < SENSOR[1]) & (np.abs(0.88 + up * metres - 0.75) < 0.65)
+    forward = SENSOR[0] + (SENSOR[1] - SENSOR[0]) * depth.ravel()
+    in_the_way = (forward < SENSOR[1]) & (np.abs(0.88 + up * forward - 0.75) < 0.65)
     np.testing.assert_allclose(
-        ahead, np.where(in_the_way, np.where(depth.ravel() > 0, metres, 0), SENSOR[1]), rtol=1e-6
+        ahead, np.where(in_the_way, np.where(depth.ravel() > 0, forward, 0), SENSOR[1]), rtol=1e-6
     )
     ends = [
         ahead_of(pose, np.array(left[ray] * metres), np.array(metres))

@@ -20,8 +20,9 @@ def test_the_configuration_is_the_one_of_the_code() -> None:
 
 
 def test_every_metric_is_explained(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
-    short = ["env.max_steps=8", "warm_start.foresight_coef=1", "warm_start.steps=64", "total_steps=192"]
-    config = change_config(smoke, overrides=["think.reward=paper", "think.budget=0.1", *short])
+    short = ["env.max_steps=8", "warm_start.steps=64", "total_steps=192"]
+    parts = ["think.reward=paper", "think.budget=0.1", "warm_start.foresight_coef=1", "ppo.kl_coef=0.1"]
+    config = change_config(smoke, overrides=[*parts, *short])
     run = Run.create(tmp_path, config)
     train(run, homes, PlannerClient(MockTransport(lambda request: "turn left")), Interruption())
     run.close()

@@ -73,10 +73,10 @@ class Actor:
         """
         return self._glances.look(observations, np.arange(len(self.previous))[agents])
 
-    @torch.no_grad()
     def decide(self, observations: Mapping[str, NDArray[Any]], agents: Rows = EVERYONE) -> Decision:
         """Choose the next actions of some agents, who observe (n, ...)."""
-        logits, values, hidden = self._forward(observations, self.previous[agents], self.hidden[:, :, agents])
+        previous, hidden = self.previous[agents], self.hidden[:, :, agents]
+        logits, values, hidden = forward(self._policy, self._precision, observations, previous, hidden)
         forced = observations.get(FORCED_THINK)
         log_probs = acting_log_probs(logits.log_softmax(dim=1), None if forced is None else torch.from_numpy(forced))
         if self._greedy:
@@ -85,10 +85,9 @@ class Actor:
             actions = torch.multinomial(log_probs.exp(), 1, generator=self._generator)
         return Decision(actions[:, 0], log_probs.gather(1, actions)[:, 0], values, hidden)
 
-    @torch.no_grad()
     def values(self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor) -> Tensor:
         """What observations are worth, without acting on them."""
-        return self._forward(observations, previous, hidden)[1]
+        return forward(self._policy, self._precision, observations, previous, hidden)[1]
 
     def advance(self, decision: Decision, done: NDArray[np.bool_], agents: Rows = EVERYONE) -> None:
         """Some agents took their actions; where an episode ended (n,), forget it."""
@@ -106,17 +105,6 @@ class Actor:
         """All agents begin episodes."""
         self.forget(np.ones(len(self.previous), np.bool_))
 
-    def _forward(
-        self, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor
-    ) -> tuple[Tensor, Tensor, Tensor]:
-        """Logits, values and the next state, on the CPU, wherever the policy computes."""
-        device = self._policy.device
-        looked = self._policy.vision.look(_tensors(observations))  # where the observations are
-        there = {name: values.to(device) for name, values in looked.items()}
-        with autocast(self._precision, device):
-            logits, values, after = self._policy.step(there, previous.to(device), hidden.to(device))
-        return logits.cpu(), values.cpu(), after.cpu()
-
     def state_dict(self) -> dict[str, Any]:
         return {
             "previous": self.previous,
@@ -130,6 +118,19 @@ class Actor:
         self._generator.set_state(state["generator"])
         if "glances" in state:  # older checkpoints have none
             self._glances.load_state_dict(state["glances"])
+
+
+@torch.no_grad()
+def forward(
+    policy: Policy, precision: Precision, observations: Mapping[str, NDArray[Any]], previous: Tensor, hidden: Tensor
+) -> tuple[Tensor, Tensor, Tensor]:
+    """A policy's logits, values and next state, on the CPU, wherever it computes."""
+    device = policy.device
+    looked = policy.vision.look(_tensors(observations))  # where the observations are
+    there = {name: values.to(device) for name, values in looked.items()}
+    with autocast(precision, device):
+        logits, values, after = policy.step(there, previous.to(device), hidden.to(device))
+    return logits.cpu(), values.cpu(), after.cpu()
 
 
 def _without_ended(actions: Tensor, hidden: Tensor, done: NDArray[np.bool_]) -> tuple[Tensor, Tensor]:

@@ -18,6 +18,8 @@ from thinknav_trainer.actor import EVERYONE, Actor, Decision, Rows
 from thinknav_trainer.config import PPOConfig
 from thinknav_trainer.dumps import NotFinite
 from thinknav_trainer.planner import Answer
+from thinknav_trainer.policy import Policy
+from thinknav_trainer.reference import REFERENCE, Reference
 from thinknav_trainer.rollout import Rollout
 from thinknav_trainer.thinking import EpisodeEnd, Step, ThinkingEnv
 from thinknav_trainer.thoughts import Thought
@@ -46,6 +48,7 @@ class Collector:
         config: PPOConfig,
         workers: Workers = Lone(),
         stopwatch: Stopwatch | None = None,
+        reference: Reference | None = None,
     ) -> None:
         self.recent: deque[EpisodeEnd] = deque(maxlen=RECENT_EPISODES)
         self.episodes_ended = 0
@@ -55,6 +58,7 @@ class Collector:
         self._actor = actor
         self._config = config
         self._workers = workers
+        self._reference = reference
         # A row for each env: what it observes, and what it decided then; that is news for those who are to decide.
         self._observations: Observations = actor.look(env.reset())
         self._to_decide = np.arange(env.num_envs)
@@ -103,8 +107,11 @@ class Collector:
         """Who is to decide does so, and is parked if it thinks: who can be stepped now, and the replies they got."""
         with self.stopwatch("act"):
             rows = self._rows(self._to_decide)
-            decision = self._actor.decide(_take(self._observations, rows), rows)
+            observations = _take(self._observations, rows)
+            decision = self._actor.decide(observations, rows)
             self._decision = self._decision.update(rows, decision)
+            if self._reference is not None:
+                self._reference.decide(observations, self._actor.previous[rows], rows)
             thinks = decision.actions.numpy() == Action.THINK
         with self.stopwatch("plan"):
             self._env.think(self._to_decide[thinks])
@@ -118,9 +125,12 @@ class Collector:
 
     def _transitions(self, envs: NDArray[np.int64], decision: Decision, step: Step) -> Transitions:
         rows = self._rows(envs)
+        observations = _take(self._observations, rows)
+        if self._reference is not None:
+            observations[REFERENCE] = self._reference.log_probs[torch.from_numpy(envs)].numpy()  # a copy
         return Transitions(
             envs=envs,
-            observations=_take(self._observations, rows),
+            observations=observations,
             hidden=self._actor.hidden[:, :, rows],
             previous_actions=self._actor.previous[rows].numpy(),
             actions=decision.actions.numpy(),
@@ -139,7 +149,10 @@ class Collector:
         else:
             for name, values in looked.items():
                 self._observations[name][rows] = values
-        self._actor.advance(decision, step.terminated | step.truncated, rows)
+        done = step.terminated | step.truncated
+        self._actor.advance(decision, done, rows)
+        if self._reference is not None:
+            self._reference.advance(done, rows)
         self._to_decide = envs
         self.note(step)
 
@@ -149,8 +162,13 @@ class Collector:
         self.episodes_ended += len(step.ended)
         self.thoughts.extend(step.thoughts)
 
-    def restart(self) -> None:
-        """Begin new episodes in all envs: someone else has stepped them, and nobody is parked."""
+    def restart(self, taught: Policy) -> None:
+        """Begin new episodes in all envs: someone else has stepped them, and nobody is parked.
+
+        taught: the policy from which it is not to diverge from now on.
+        """
+        if self._reference is not None:
+            self._reference.become(taught)
         self._observations = self._actor.look(self._env.reset())
         self._to_decide = np.arange(self._env.num_envs)
         self._actor.forget_everything()
@@ -172,6 +190,7 @@ class Collector:
             "observations": dict(self._observations),
             "to_decide": self._to_decide,
             "decision": vars(self._decision),
+            "reference": None if self._reference is None else self._reference.state_dict(),
             "recent": [vars(end) for end in self.recent],
             "episodes_ended": self.episodes_ended,
         }
@@ -188,6 +207,8 @@ class Collector:
         self._observations = dict(state["observations"])
         self._to_decide = state["to_decide"]
         self._decision = Decision(**state["decision"])
+        if self._reference is not None:
+            self._reference.load_state_dict(state["reference"])
         self.recent = deque((EpisodeEnd(**end) for end in state["recent"]), maxlen=RECENT_EPISODES)
         self.episodes_ended = state["episodes_ended"]
 

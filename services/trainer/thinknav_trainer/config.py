@@ -197,6 +197,9 @@ class PPOConfig(Section):
     tau: float = Field(0.95, ge=0, le=1, description="lambda of generalised advantage estimation")
     value_coef: float = Field(0.5, ge=0, description="weight of the value loss")
     entropy_coef: float = Field(0.01, ge=0, description="weight of the entropy bonus")
+    kl_coef: float = Field(
+        0.0, ge=0, description="weight of the divergence from the policy that the warm start left (docs/training.md)"
+    )
     max_grad_norm: float = Field(0.2, gt=0, description="gradients are clipped to this norm")
     clip_value_loss: bool = Field(True, description="clip the value's change, as Habitat does")
     normalize_advantages: bool = Field(True, description="zero mean, unit deviation over a rollout (Habitat: off)")
@@ -300,6 +303,8 @@ class TrainConfig(Section):
                 "warm_start.demonstrator planner shows how to think: it needs think.strategy agent, not "
                 f"{self.think.strategy}; bump-walker does not"
             )
+        if self.ppo.kl_coef and not self.warm_start.steps:
+            raise ValueError("ppo.kl_coef is for what a warm start taught: it needs warm_start.steps")
         if self.think.budget is not None and self.think.strategy != "agent":
             raise ValueError(f"think.budget is for strategy agent, not {self.think.strategy}")
         if self.think.budget is not None and self.think.reward == "task":

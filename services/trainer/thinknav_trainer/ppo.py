@@ -20,6 +20,7 @@ from thinknav_trainer.dumps import NotFinite
 from thinknav_trainer.forcing import FORCED_THINK, acting_log_probs
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.precision import autocast
+from thinknav_trainer.reference import REFERENCE, divergence
 from thinknav_trainer.rollout import Rollout
 from thinknav_trainer.workers import Lone, Workers
 
@@ -70,7 +71,8 @@ class PPO:
         evidence = partial(self._evidence, rollout, advantages, chosen)
         self.optimizer.zero_grad(set_to_none=True)
         # A worker whose rollout was cut short may have no sequence left, but the others wait for it.
-        losses, weight = dict.fromkeys(LOSSES, 0.0), 0
+        names = LOSSES + (("reference_kl",) if self.config.kl_coef else ())
+        losses, weight = dict.fromkeys(names, 0.0), 0
         if len(chosen):
             losses, weight = self._backward(rollout, observations, advantages, chosen, evidence)
         losses = average_gradients(self.policy.parameters(), losses, weight, self._workers)
@@ -108,6 +110,10 @@ class PPO:
         entropy = -(log_probs.exp() * log_probs).sum(dim=1).mean()
         loss = policy_loss + self.config.value_coef * value_loss - self.config.entropy_coef * entropy
         losses = {"policy_loss": policy_loss.item(), "value_loss": value_loss.item(), "entropy": entropy.item()}
+        if self.config.kl_coef:
+            apart = divergence(log_probs, rollout.observations[REFERENCE][rows])
+            loss = loss + self.config.kl_coef * apart
+            losses["reference_kl"] = apart.item()
         wrong = [name for name, value in losses.items() if not math.isfinite(value)]
         if wrong:
             raise NotFinite(f"{', '.join(wrong)} of an update: {losses}", evidence())

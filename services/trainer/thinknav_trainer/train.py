@@ -37,6 +37,7 @@ from thinknav_trainer.policy import ObservationShape, Policy
 from thinknav_trainer.ppo import PPO
 from thinknav_trainer.progress import progress_bar
 from thinknav_trainer.recording import AskRecorded, Recording
+from thinknav_trainer.reference import Reference
 from thinknav_trainer.run import Run
 from thinknav_trainer.run_elsewhere import RunElsewhere
 from thinknav_trainer.scenes import Homes
@@ -176,7 +177,7 @@ def imitate(session: Session, run: Run | RunElsewhere, interruption: Interruptio
             session.learning.follow()
             log_update(session, run, named_losses(losses), len(rollout))
             bar.update(session.steps, f"accuracy {losses['cloning_accuracy']:.2f}")
-    session.collector.restart()
+    session.collector.restart(session.learner.policy)
     run.checkpoint(snapshot(session, config))
 
 
@@ -263,7 +264,8 @@ def open_session(
     beside = config.learn_beside and not config.deterministic and workers.count == 1
     learning = (Beside if beside else InTurn)(learner, stopwatch)
     actor = Actor(learning.acting, config.num_envs, config.ppo.precision, seed)
-    collector = Collector(env, actor, config.ppo, workers, stopwatch)
+    reference = Reference(policy, config.num_envs, config.ppo.precision) if config.ppo.kl_coef else None
+    collector = Collector(env, actor, config.ppo, workers, stopwatch, reference)
     session = Session(env, learner, learning, actor, collector, ThinkPrice(config.think, workers), planner, workers)
     if resume_from is not None:
         restore(session, resume_from)

@@ -14,7 +14,8 @@ COMMON = (
     *("env.success_reward=5", "env.slack_reward=-0.01", "ppo.lr=7e-4", "ppo.max_grad_norm=0.5"),
 )
 # What was imitated is not to be forgotten at once.
-CLONED = ("warm_start.steps=40000", "ppo.entropy_coef=0.003", "ppo.lr=2.5e-4", "ppo.max_grad_norm=0.2")
+WARM_START_STEPS = 40_000
+CLONED = (f"warm_start.steps={WARM_START_STEPS}", "ppo.entropy_coef=0.003", "ppo.lr=2.5e-4", "ppo.max_grad_norm=0.2")
 FORCED = ("think.forced=0.3", "think.forced_until=0.5")
 
 HEADLINE_SEEDS = 5
@@ -31,9 +32,11 @@ NEVER_CLONED = Arm("never-cloned", (*_NEVER, "warm_start.demonstrator=bump-walke
 PAPER = Arm("agent-paper", ("think.reward=paper",), HEADLINE_SEEDS)
 THINK_COST = Arm("agent-think-cost")
 CLONE = Arm("agent-cloned", CLONED, HEADLINE_SEEDS)
+# The warm start alone: it ends where PPO would begin.
+IMITATION = Arm("agent-imitation", (*CLONED, f"total_steps={WARM_START_STEPS}"))
 CLONE_BUDGET = Arm("agent-cloned-budget", (*CLONED, *_BUDGET))
 FORESIGHT = Arm("agent-foresight", (*CLONED, *_BUDGET, *_FORESIGHT))
-WITH_MEMORY = tuple(Arm(f"{arm.name}-memory", (*arm.overrides, *_MEMORY)) for arm in (NEVER, CLONE))
+WITH_MEMORY = tuple(Arm(f"{arm.name}-memory", (*arm.overrides, *_MEMORY)) for arm in (NEVER, CLONE, IMITATION))
 EVERY_N = Arm("every-n", ("think.strategy=every_n",))
 PERFECT = Arm("privileged", _PRIVILEGED)
 
@@ -74,6 +77,7 @@ def arms_of_single() -> tuple[Arm, ...]:
         NEVER,
         PAPER,
         CLONE,
+        IMITATION,
         FORESIGHT,
         CLONE_BUDGET,
         longer(NEVER, 1_000_000),
@@ -107,6 +111,7 @@ def arms_of_five() -> tuple[Arm, ...]:
         NEVER,
         PAPER,
         CLONE,
+        IMITATION,
         *WITH_MEMORY,
         FORESIGHT,
         longer(NEVER, 1_000_000),
@@ -119,5 +124,5 @@ def arms_of_five() -> tuple[Arm, ...]:
 
 def arms_of_unseen() -> tuple[Arm, ...]:
     """Homes never seen: three seeds of each."""
-    arms = (NEVER, CLONE, *WITH_MEMORY, FORESIGHT, PAPER)
+    arms = (NEVER, CLONE, IMITATION, *WITH_MEMORY, FORESIGHT, PAPER)
     return tuple(Arm(arm.name, arm.overrides) for arm in arms)
