@@ -85,6 +85,15 @@ def test_the_result_file_has_the_form_that_was_agreed(tmp_path: Path) -> None:
     assert result["protocol"]["same_rgb_features"] is True
 
 
+def line_of(name: str, seed: int, success: float) -> dict[str, Any]:
+    """What a ledger says of a run, as far as it is compared."""
+    return {
+        **{"arm": name, "seed": seed, "agent": None, "version": "1", "commit": "a", "planner": None},
+        **{"privileged": False, "split": "held_out", "episodes": 9, "scenes": ["h"], "wall_seconds": 1},
+        "measures": measures(success),
+    }
+
+
 @pytest.mark.parametrize(
     ("experiment", "names", "pairs"),
     [
@@ -96,14 +105,24 @@ def test_arms_with_more_steps_or_sensors_stand_over_a_baseline_that_has_them(
     experiment: str, names: list[str], pairs: str
 ) -> None:
     lines = [
-        {"arm": name, "seed": seed, "agent": None, "version": "1", "commit": "a", "planner": None, "privileged": False}
-        | {"split": "held_out", "episodes": 9, "scenes": ["h"], "wall_seconds": 1, "measures": measures(success)}
+        line_of(name, seed, success)
         for name, success in zip(names, (0.2, 0.8, 0.4, 0.9, 0.6), strict=True)
         for seed in range(3)
     ]
     found = summarize(named_experiment(experiment).with_arms(names), lines)["ratios"]
     assert set(found) == {"agent-best/never", f"agent-cloned-{pairs}/never-{pairs}"}
     assert found[f"agent-cloned-{pairs}/never-{pairs}"]["success"]["mean"] == pytest.approx(2.25)
+
+
+def test_what_follows_imitation_stands_over_it() -> None:
+    names = ["agent-cloned", "agent-imitation", "agent-cloned-memory", "agent-imitation-memory", "never"]
+    lines = [line_of(name, 0, success) for name, success in zip(names, (0.6, 0.8, 0.9, 0.6, 0.3), strict=True)]
+    unseen = named_experiment("unseen")
+    found = summarize(unseen, lines)["ratios"]
+    assert set(found) == {"agent-best/never", *(f"{of}/{over}" for of, over in (names[:2], names[2:4]))}
+    assert found["agent-cloned/agent-imitation"]["success"]["mean"] == pytest.approx(0.75)
+    assert found["agent-cloned-memory/agent-imitation-memory"]["success"]["mean"] == pytest.approx(1.5)
+    assert set(summarize(unseen, lines[:1] + lines[4:])["ratios"]) == {"agent-best/never"}
 
 
 def test_the_table_says_what_it_is(tmp_path: Path) -> None:
@@ -186,7 +205,7 @@ def test_the_command_writes_down_what_there_is(tmp_path: Path, monkeypatch: pyte
     fill(tmp_path / "docs" / "results")
     told = CliRunner().invoke(app, ["reproduce", "single", "--table"])
     assert told.exit_code == 0
-    assert "seeds so far: agent-paper (3 of 5), agent-cloned (3 of 5), agent-foresight (0 of 3), " in told.output
+    assert "seeds so far: agent-paper (3 of 5), agent-cloned (3 of 5), agent-imitation (0 of 3), " in told.output
     assert told.output.endswith("table: docs/results/single.md\n")
     # What was changed by hand does not go where results are kept.
     other = CliRunner().invoke(app, ["experiment", "single", "--table", "--set", "ppo.lr=1e-3"])

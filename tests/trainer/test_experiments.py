@@ -40,6 +40,7 @@ def test_every_arm_of_every_experiment_is_a_configuration_of_its_own() -> None:
             jobs = jobs_of(form, seeds=2)
             assert len({job.digest for job in jobs}) == len(jobs) == len({job.key for job in jobs})
             assert len({job.name for job in jobs}) == len(jobs)
+        assert {arm.over for arm in experiment.arms} - {None} <= {arm.name for arm in experiment.arms}
     with pytest.raises(ConfigError, match="there is no experiment 'last-light'; there are first-light"):
         named_experiment("last-light")
     with pytest.raises(ConfigError, match="has no arm 'led'; it has privileged, shuffled"):

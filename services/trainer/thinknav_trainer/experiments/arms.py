@@ -3,6 +3,7 @@
 Headline arms have five seeds, the others those of their experiment.
 """
 
+from dataclasses import replace
 from typing import TypedDict
 
 from thinknav_trainer.experiments.experiment import AgentRow, Arm
@@ -31,13 +32,12 @@ NEVER = Arm("never", _NEVER, HEADLINE_SEEDS)
 NEVER_CLONED = Arm("never-cloned", (*_NEVER, "warm_start.demonstrator=bump-walker", *CLONED))
 PAPER = Arm("agent-paper", ("think.reward=paper",), HEADLINE_SEEDS)
 THINK_COST = Arm("agent-think-cost")
-CLONE = Arm("agent-cloned", CLONED, HEADLINE_SEEDS)
 # The warm start alone: it ends where PPO would begin.
 IMITATION = Arm("agent-imitation", (*CLONED, f"total_steps={WARM_START_STEPS}"))
+CLONE = Arm("agent-cloned", CLONED, HEADLINE_SEEDS, over=IMITATION.name)
 CLONE_BUDGET = Arm("agent-cloned-budget", (*CLONED, *_BUDGET))
 FORESIGHT = Arm("agent-foresight", (*CLONED, *_BUDGET, *_FORESIGHT))
-KEPT = Arm("agent-cloned-kl", (*CLONED, "ppo.kl_coef=0.1"))
-WITH_MEMORY = tuple(Arm(f"{arm.name}-memory", (*arm.overrides, *_MEMORY)) for arm in (NEVER, CLONE, IMITATION, KEPT))
+KEPT = Arm("agent-cloned-kl", (*CLONED, "ppo.kl_coef=0.1"), over=IMITATION.name)
 EVERY_N = Arm("every-n", ("think.strategy=every_n",))
 PERFECT = Arm("privileged", _PRIVILEGED)
 
@@ -60,6 +60,12 @@ ROWS = (
 )
 
 
+def with_memory(arm: Arm) -> Arm:
+    """An arm with a sensor more, and compared with such."""
+    over = None if arm.over is None else f"{arm.over}-memory"
+    return Arm(f"{arm.name}-memory", (*arm.overrides, *_MEMORY), over=over)
+
+
 def longer(arm: Arm, steps: int) -> Arm:
     """An arm with so many steps of training."""
     name = f"{steps // 1_000_000}m" if steps % 1_000_000 == 0 else f"{steps // 1000}k"
@@ -69,6 +75,9 @@ def longer(arm: Arm, steps: int) -> Arm:
 def control_of(arm: Arm, control: str) -> Arm:
     """An arm with what it is told replaced, in training and evaluation."""
     return Arm(f"{arm.name}-{control}", (*arm.overrides, f"planner.control={control}"))
+
+
+WITH_MEMORY = tuple(with_memory(arm) for arm in (NEVER, CLONE, IMITATION, KEPT))
 
 
 def arms_of_single() -> tuple[Arm, ...]:
@@ -126,4 +135,4 @@ def arms_of_five() -> tuple[Arm, ...]:
 def arms_of_unseen() -> tuple[Arm, ...]:
     """Homes never seen: three seeds of each."""
     arms = (NEVER, CLONE, IMITATION, *WITH_MEMORY, FORESIGHT, PAPER)
-    return tuple(Arm(arm.name, arm.overrides) for arm in arms)
+    return tuple(replace(arm, seeds=None) for arm in arms)

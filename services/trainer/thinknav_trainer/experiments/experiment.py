@@ -15,11 +15,15 @@ _SMOKE_WARM_START = "warm_start.steps=64"
 
 @dataclass(frozen=True)
 class Arm:
-    """One way of doing it. overrides: over the experiment's, as `--set` takes them. seeds: none: the experiment's."""
+    """One way of doing it. overrides: over the experiment's, as `--set` takes them. seeds: none: the experiment's.
+
+    over: an arm, beside the baseline, that it is compared with.
+    """
 
     name: str
     overrides: tuple[str, ...] = ()
     seeds: int | None = None
+    over: str | None = None
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ def _ratios(result: dict[str, Any]) -> list[str]:
         cells = [_cell(part[measure], True) for measure in ("spl", "success") for part in (ratios, differences)]
         rows.append([name, *cells])
     titles = ["", "SPL, ratio", "SPL, difference", "success, ratio", "success, difference"]
-    return ["## Over the baseline", _table(titles, rows)] if rows else []
+    return ["## Over the baseline, and one arm over another", _table(titles, rows)] if rows else []
 
 
 def _replaced(result: dict[str, Any]) -> list[str]:

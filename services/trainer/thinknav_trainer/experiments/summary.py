@@ -70,7 +70,10 @@ def _rounded(row: dict[str, float | None]) -> Stats:
 
 
 def _compared(experiment: Experiment, arms: dict[str, list[Line]]) -> dict[str, tuple[list[Line], list[Line]]]:
-    """What stands over the baseline, by the name of the ratio; other steps or sensors, over one that has them too."""
+    """What stands over the baseline, by the name of the ratio; other steps or sensors, over one that has them too.
+
+    And the arms that say over which other one they stand.
+    """
     baseline = experiment.baseline
     if baseline is None or baseline not in arms:
         return {}
@@ -82,7 +85,8 @@ def _compared(experiment: Experiment, arms: dict[str, list[Line]]) -> dict[str, 
     ):
         alike = (name for name in arms if conditions[name] == conditions[other] and name != other)
         pairs |= {f"{name}/{other}": (arms[name], arms[other]) for name in alike}
-    return pairs
+    named = {f"{arm.name}/{arm.over}": (arm.name, arm.over) for arm in experiment.arms if arm.over is not None}
+    return pairs | {name: (arms[arm], arms[over]) for name, (arm, over) in named.items() if {arm, over} <= set(arms)}
 
 
 def _compare(over: list[Line], under: list[Line], ratio: bool) -> dict[str, Stats]:
