@@ -70,6 +70,11 @@ def test_it_stays_as_it_was_when_its_pupil_learns(thinking_env: MakeThinkingEnv,
     collector.load_state_dict(state)
     again = collector.collect()
     assert torch.equal(again.observations[REFERENCE], rollout.observations[REFERENCE])
+    joining, _ = collecting(thinking_env(turn_left, count=4, max_steps=8), smoke)  # acts as the pupil did at first
+    joining.restart(policy)
+    joining.adopt_reference(state)
+    joined = joining.collect()
+    torch.testing.assert_close(acting_log_probs(joined), joined.log_probs, rtol=1e-4, atol=1e-5)
     collector.restart(policy)
     taught_anew = collector.collect()
     torch.testing.assert_close(acting_log_probs(taught_anew), taught_anew.log_probs, rtol=1e-4, atol=1e-5)

@@ -168,7 +168,7 @@ class Collector:
         taught: the policy from which it is not to diverge from now on.
         """
         if self._reference is not None:
-            self._reference.become(taught)
+            self._reference.become(taught.state_dict())
         self._observations = self._actor.look(self._env.reset())
         self._to_decide = np.arange(self._env.num_envs)
         self._actor.forget_everything()
@@ -199,6 +199,11 @@ class Collector:
         """Those of a worker that is no more, by its `state_dict`; whom it had parked get no reply."""
         self.episodes_ended += state["episodes_ended"]
         self._env.adopt_counts(state["env"])
+
+    def adopt_reference(self, state: dict[str, Any]) -> None:
+        """Be held to the same policy as a worker that goes on, by its `state_dict`."""
+        if self._reference is not None:
+            self._reference.become(state["reference"]["policy"])
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         """Go on exactly where `state_dict` was taken."""

@@ -37,9 +37,9 @@ class Reference:
         self._hidden = policy.initial_hidden(count)
         self._after = torch.zeros_like(self._hidden)  # the states with which it decided
 
-    def become(self, policy: Policy) -> None:
-        """Take on a policy's weights; all agents begin episodes."""
-        self._policy.load_state_dict(policy.state_dict())
+    def become(self, weights: Mapping[str, Any]) -> None:
+        """Take on the weights of a policy, as its `state_dict` has them; all agents begin episodes."""
+        self._policy.load_state_dict(weights)
         self._hidden.zero_()
 
     def decide(self, observations: Mapping[str, NDArray[Any]], previous: Tensor, agents: Rows = EVERYONE) -> None:

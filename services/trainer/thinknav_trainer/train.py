@@ -298,6 +298,7 @@ def restore(session: Session, checkpoint: Checkpoint) -> None:
         session.collector.load_state_dict(known[workers.rank]["collector"])
     else:
         session.learner.load_state_dict(state["learner"] | {"order": session.learner.state_dict()["order"]})
+        session.collector.adopt_reference(state["collector"])
     if workers.rank == 0:
         for gone in known[workers.count :]:
             session.collector.adopt_counts(gone["collector"])
