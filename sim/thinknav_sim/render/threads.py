@@ -5,6 +5,10 @@ import threading
 
 import numba
 
+# Open3D and Embree bring a TBB of their own. Where they were loaded first, Numba would find that, and warn of its age.
+if "NUMBA_THREADING_LAYER_PRIORITY" not in os.environ:
+    numba.config.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]  # type: ignore[attr-defined]
+
 # Numba's last-resort threading layer aborts the process when two threads enter it at once.
 PARALLEL_REGION = threading.Lock()
 
