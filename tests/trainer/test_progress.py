@@ -12,7 +12,7 @@ def lines(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, *up
     """Of work begun at 100 of 1,000, from (seconds since the beginning, done)."""
     now = 0.0
     monkeypatch.setattr("thinknav_trainer.progress.time", SimpleNamespace(monotonic=lambda: now))
-    with caplog.at_level(logging.INFO), progress_bar("moving", 1000, done=100) as bar:
+    with caplog.at_level(logging.INFO, logger="thinknav_trainer"), progress_bar("moving", 1000, done=100) as bar:
         for seconds, done in updates:
             now = seconds
             bar.update(done, "well")
