@@ -1,7 +1,7 @@
 """The policy that a warm start left, held fixed, which looks on while its pupil learns from rewards.
 
-In many homes a rollout says little about most of what a policy does, and what the rewards do not speak of drifts
-away in the noise of the gradients. So the pupil pays for what it no longer does as it was taught: the
+In many homes a rollout says little about most of what a policy does, and what the rewards do not speak of can
+drift away in the noise of the gradients. So the pupil pays for what it no longer does as it was taught: the
 Kullback-Leibler divergence of its actions from the reference's is part of PPO's loss (kickstarting, Schmitt et al.
 2018). Knows nothing of envs.
 """
