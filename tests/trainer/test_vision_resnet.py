@@ -7,7 +7,7 @@ import torch
 
 from thinknav_trainer import rollout
 from thinknav_trainer.checkpoint import Checkpoint
-from thinknav_trainer.config import PolicyConfig, load_config
+from thinknav_trainer.config import ConfigError, PolicyConfig, load_config
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.planner import MockTransport, PlannerClient
 from thinknav_trainer.run import Run, read_metrics
@@ -56,6 +56,13 @@ def test_rgb_and_depth_both_matter_and_other_pictures_do_not() -> None:
     torch.testing.assert_close(both[:1], alone)
     for other in (seen | {"rgb": 255 - seen["rgb"]}, seen | {"depth": 1 - seen["depth"]}):
         assert not torch.allclose(both, made(made.prepare(other)))
+
+
+def test_frames_too_small_for_it_are_refused() -> None:
+    encoder = "policy.image_encoder=resnet50"
+    with pytest.raises(ConfigError, match=r"needs 64 pixels each way, not 128 x 63; raise env\.height"):
+        load_config("cpu", None, [encoder, "env.height=128", "env.width=63"])
+    assert load_config("cpu", None, [encoder, "env.height=64", "env.width=64"]).policy.image_encoder == "resnet50"
 
 
 def test_all_of_it_learns() -> None:

@@ -18,6 +18,8 @@ from thinknav_trainer.errors import UserError
 
 # A prior on the logit of think under which the policy never thinks by itself; finite, so that no product of it is NaN.
 NEVER = -1e9
+# Each way, so that there is something to halve: over a single pixel, oneDNN's bfloat16 gradient is not finite.
+RESNET50_PIXELS = 64
 Precision = Literal["auto", "float32", "bfloat16"]  # in which number format the policy acts and learns
 
 
@@ -293,6 +295,11 @@ class TrainConfig(Section):
             raise ValueError(
                 f"ppo.minibatches {self.ppo.minibatches} is more than the sequences of a rollout "
                 f"({self.num_envs} envs x {self.ppo.num_steps} steps / chunks of {self.ppo.chunk_length})"
+            )
+        if self.policy.image_encoder == "resnet50" and min(self.env.height, self.env.width) < RESNET50_PIXELS:
+            raise ValueError(
+                f"policy.image_encoder resnet50 halves a picture six times: it needs {RESNET50_PIXELS} pixels each "
+                f"way, not {self.env.height} x {self.env.width}; raise env.height and env.width, or take learnt"
             )
         if self.env.think_action:
             raise ValueError("env.think_action follows from think.strategy; set that instead")
