@@ -6,13 +6,15 @@ from typing import Literal
 
 import numpy as np
 import pytest
+import torch
 
 from tests.trainer.conftest import MakeThinkingEnv
 from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import PlannerFailed, SubgoalReply, SubgoalRequest
 from thinknav_sim.task_config import Action
+from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.config import ConfigError, TrainConfig, change_config
-from thinknav_trainer.control import ALWAYS, CONTROLS, DIRECTIONS, NOTHING, Control, ControlName
+from thinknav_trainer.control import ALWAYS, CONTROLS, DIRECTIONS, NOTHING, UNASKED, Control, ControlName
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.evaluate_agent import Setting, evaluate_agent
 from thinknav_trainer.home_sets import parse_home_set
@@ -114,14 +116,38 @@ def test_the_policy_sees_what_the_control_tells(thinking_env: MakeThinkingEnv, s
         env = ThinkingEnv(base.env, base._config, planner, control=name)
         env.reset()
         step = env.step(think)
-        assert planner.counts.asked == (3 if name in ("none", "another") else 0)  # what nobody hears is not asked
+        assert planner.counts.asked == (0 if name in UNASKED else 3)  # what nobody hears is not asked
         seen = step.observations["thought"]
-        assert seen.any() == (name != "zeros")
+        assert seen.any() == (name not in ("zeros", "deaf"))
         judged[name] = env.step(np.full(3, Action.TURN_RIGHT)).rewards - smoke.env.slack_reward
     assert judged["none"] == pytest.approx(0.1, abs=1e-6)
     assert judged["another"] == pytest.approx(0.1, abs=1e-6)
     assert judged["zeros"] == pytest.approx(0, abs=1e-6)
+    assert judged["deaf"] == pytest.approx(0, abs=1e-6)
     assert judged["constant"] == pytest.approx(-0.1, abs=1e-6)
+
+
+@pytest.mark.parametrize("strategy", ["agent", "once"])
+def test_the_deaf_are_told_all_and_hear_nothing(thinking_env: MakeThinkingEnv, strategy: str) -> None:
+    base = thinking_env(lambda request: "turn right", count=2)
+    config = base._config.model_copy(update={"strategy": strategy})
+    env = ThinkingEnv(base.env, config, PlannerClient(MockTransport(lambda request: "turn right")), control="deaf")
+    assert env.reset()["thought"].any()  # the task is no reply
+    step = env.step(np.full(2, Action.THINK))
+    assert [thought.subgoal for thought in step.thoughts] == ["turn right"] * 2
+    assert not step.observations["thought"].any()
+    assert env.counts.withheld == env.counts.answered == 2
+    assert not env.step(np.full(2, Action.TURN_RIGHT)).observations["thought"].any()
+
+
+def test_the_deaf_replay_as_deaf(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
+    """Their recording has what was said."""
+    config = change_config(smoke, overrides=["planner=embedded", "planner.control=deaf", "total_steps=64"])
+    first, again = (
+        Checkpoint.load(train_run(tmp_path / name, config, Interruption(), homes=homes, replay=replay))
+        for name, replay in (("first", None), ("again", tmp_path / "first"))
+    )
+    assert all(torch.equal(weights, again.policy[name]) for name, weights in first.policy.items())
 
 
 def test_a_plan_that_nobody_hears_has_one_step(thinking_env: MakeThinkingEnv) -> None:

@@ -99,10 +99,11 @@ class PlannerConfig(Section):
         None, description="file with one line name:token; without it the variable THINKNAV_PLANNER_TOKEN is used"
     )
     tls_ca: Path | None = Field(None, description="PEM file of the authority that signed its certificate")
-    control: Literal["none", "zeros", "another", "constant", "random"] = Field(
+    control: Literal["none", "zeros", "another", "constant", "random", "deaf"] = Field(
         "none",
         description="what the policy is told in the place of replies, whoever answers: zeros, another agent's reply, "
-        "always the same sentence, a random direction (docs/experiments.md)",
+        "always the same sentence, a random direction; deaf: it sees zeros, and a demonstrator hears the reply "
+        "(docs/experiments.md)",
     )
     privileged: PrivilegedConfig = PrivilegedConfig()
 

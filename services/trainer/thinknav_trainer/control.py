@@ -18,10 +18,11 @@ from thinknav_sim.task_config import Action
 from thinknav_trainer.model_training.sentences import subgoal_sentence
 from thinknav_trainer.planner import Answer
 
-ControlName = Literal["none", "zeros", "another", "constant", "random"]
+ControlName = Literal["none", "zeros", "another", "constant", "random", "deaf"]
 CONTROLS: tuple[ControlName, ...] = get_args(ControlName)
 
 UNASKED = frozenset({"zeros", "constant", "random"})  # in these nobody hears anything of what the planner says
+REPLIES_KEPT = frozenset({"none", "deaf"})  # the deaf are told them: a demonstrator hears, and the policy does not
 
 NOTHING = "nothing"  # no direction word, so that it judges nothing
 ALWAYS = "move forward"
@@ -67,7 +68,7 @@ class Control:
 
     def replace(self, answers: Mapping[int, Answer]) -> dict[int, Answer]:
         """What these envs are told in the place of their answers."""
-        if self._name == "none":
+        if self._name in REPLIES_KEPT:
             return dict(answers)
         replies = {env: answer for env, answer in sorted(answers.items()) if isinstance(answer, SubgoalReply)}
         if self._name == "another":

@@ -111,8 +111,8 @@ class ThinkingEnv:
         memory: ObstacleMemory | None = None,
     ) -> None:
         """asking: how; planners in our own process have ways of their own. discount: the learner's, for reward schemes
-        that go by it. seed: of which replies are withheld, and of what controls draw. control: what is
-        told in the place of replies (`control`). memory: a sensor more, if any.
+        that go by it. seed: of which replies are withheld, and of what controls draw. control: what is told in the
+        place of replies (`control`); under "deaf" no observation carries any. memory: a sensor more, if any.
         """
         if (planner is None) != (config.strategy == "never"):
             raise ValueError(f"strategy {config.strategy!r} {'needs a' if planner is None else 'takes no'} planner")
@@ -143,6 +143,7 @@ class ThinkingEnv:
         self._round = 0  # of looking for replies, since the run began
         self.texts: dict[str, NDArray[np.float32]] = {}  # what was embedded so far
         self._control = Control(control, self.embed, self._goal, seed)
+        self._deaf = control == "deaf"
         self._descriptions = self.embed([task_description(category) for category in GOAL_CATEGORIES])
 
     @property
@@ -264,7 +265,9 @@ class ThinkingEnv:
     ) -> NDArray[np.float32]:
         """What these envs see of thoughts after their actions, (n, D): see `_subgoals`, or `_instructions` of plans."""
         told = np.zeros((len(envs), self._descriptions.shape[1]), np.float32)
-        if self._config.strategy == "once":
+        if self._deaf:
+            self.counts.withheld += sum(isinstance(reply, SubgoalReply) for reply in replies.values())
+        elif self._config.strategy == "once":
             self._instructions(envs, actions, replies, told)
         else:
             self._subgoals(envs, replies, told)

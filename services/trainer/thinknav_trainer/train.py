@@ -26,6 +26,7 @@ from thinknav_trainer.asking import AskApart, Asking, AskTogether
 from thinknav_trainer.checkpoint import Checkpoint
 from thinknav_trainer.collector import RECENT_EPISODES, Collector
 from thinknav_trainer.config import TrainConfig
+from thinknav_trainer.control import REPLIES_KEPT
 from thinknav_trainer.device import find_device
 from thinknav_trainer.dumps import NotFinite, TrainingDiverged
 from thinknav_trainer.evaluate import evaluate
@@ -248,7 +249,9 @@ def open_session(
     vector_env = ObjectNavVectorEnv(
         homes.scenes, homes.train, config.num_envs, config.task, seed=seed, order="random", renderer=renderer
     )
-    control = "none" if recording is not None else config.planner.control  # recorded replies were replaced already
+    control = config.planner.control
+    if recording is not None and control not in REPLIES_KEPT:  # recorded replies were replaced already
+        control = "none"
     memory = ObstacleMemory(config.num_envs, config.task) if config.policy.obstacle_memory else None
     asking, discount = _asking(config, recording), config.ppo.gamma
     env = ThinkingEnv(vector_env, config.think, planner, asking, discount, seed, control, memory)

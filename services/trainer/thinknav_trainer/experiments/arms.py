@@ -73,8 +73,8 @@ def longer(arm: Arm, steps: int) -> Arm:
 
 
 def control_of(arm: Arm, control: str) -> Arm:
-    """An arm with what it is told replaced, in training and evaluation."""
-    return Arm(f"{arm.name}-{control}", (*arm.overrides, f"planner.control={control}"))
+    """An arm with what it is told replaced, in training and evaluation, and compared with the arm as it is."""
+    return Arm(f"{arm.name}-{control}", (*arm.overrides, f"planner.control={control}"), over=arm.name)
 
 
 WITH_MEMORY = tuple(with_memory(arm) for arm in (NEVER, CLONE, IMITATION, KEPT))
@@ -105,7 +105,7 @@ def arms_of_single() -> tuple[Arm, ...]:
         Arm("agent-cloned-context", (*CLONED, *_RECENT)),
         EVERY_N,
         Arm("once", ("think.strategy=once",)),
-        *(control_of(CLONE, control) for control in ("zeros", "another", "constant")),
+        *(control_of(CLONE, control) for control in ("deaf", "zeros", "another", "constant")),
         control_of(PAPER, "random"),
         PERFECT,
         *(
@@ -127,12 +127,13 @@ def arms_of_five() -> tuple[Arm, ...]:
         longer(NEVER, 1_000_000),
         NEVER_CLONED,
         THINK_COST,
-        control_of(CLONE, "another"),
+        *(control_of(CLONE, control) for control in ("deaf", "another")),
         PERFECT,
     )
 
 
 def arms_of_unseen() -> tuple[Arm, ...]:
     """Homes never seen: three seeds of each."""
-    arms = (NEVER, CLONE, IMITATION, *WITH_MEMORY, FORESIGHT, PAPER)
+    taught = control_of(with_memory(IMITATION), "deaf")
+    arms = (NEVER, CLONE, IMITATION, *WITH_MEMORY, taught, FORESIGHT, PAPER)
     return tuple(replace(arm, seeds=None) for arm in arms)
