@@ -105,7 +105,8 @@ def arms_of_single() -> tuple[Arm, ...]:
         Arm("agent-cloned-context", (*CLONED, *_RECENT)),
         EVERY_N,
         Arm("once", ("think.strategy=once",)),
-        *(control_of(CLONE, control) for control in ("deaf", "zeros", "another", "constant")),
+        replace(control_of(CLONE, "deaf"), seeds=HEADLINE_SEEDS),
+        *(control_of(CLONE, control) for control in ("zeros", "another", "constant")),
         control_of(PAPER, "random"),
         PERFECT,
         *(
