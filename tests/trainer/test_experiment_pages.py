@@ -151,7 +151,7 @@ def test_the_curves_are_drawn_and_the_same_every_time(tmp_path: Path) -> None:
     write_results(SHORT, tmp_path)
     first = [(tmp_path / f"single-curves.{ending}").read_bytes() for ending in ("svg", "png")]
     assert first[1].startswith(b"\x89PNG")
-    for words in ("Success", "SoftSPL", "never (5 seeds)", "agent-cloned, our best (3 seeds)", "steps of training"):
+    for words in ("Success", "SoftSPL", "never (5 seeds)", "agent-cloned, agent-best (3 seeds)", "steps of training"):
         assert words in first[0].decode()
     write_results(SHORT, tmp_path)
     assert [(tmp_path / f"single-curves.{ending}").read_bytes() for ending in ("svg", "png")] == first

@@ -70,7 +70,7 @@ def _with_curves(lines: Sequence[Line]) -> list[Line]:
 
 
 def _label(name: str, lines: Sequence[Line], experiment: Experiment) -> str:
-    best = ", our best" if name == experiment.best else ""
+    best = ", agent-best" if name == experiment.best else ""
     return f"{name}{best} ({len(lines)} seed{'s' if len(lines) > 1 else ''})"
 
 
