@@ -64,11 +64,13 @@ def test_single_has_the_arms_and_seeds_it_should(tmp_path: Path) -> None:
         "never",
         "agent-paper",
         "agent-cloned",
+        "agent-cloned-deaf",
     }
     assert set(seeds.values()) == {3, 5}
     configs = {arm.name: single.config(arm, 0) for arm in single.arms}
     assert configs["never-1m"].total_steps == 1_000_000
     assert configs["agent-foresight-480k"].total_steps == 480_000
+    assert configs["agent-cloned-deaf"].planner.control == "deaf"
     assert configs["agent-paper-random"].planner.control == "random"
     assert configs["privileged-0.3"].planner.privileged.error == 0.3
     eyes = {config.policy.model_copy(update={"think_bias": 0.0}).model_dump_json() for config in configs.values()}
