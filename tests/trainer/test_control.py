@@ -13,8 +13,8 @@ from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import PlannerFailed, SubgoalReply, SubgoalRequest
 from thinknav_sim.task_config import Action
 from thinknav_trainer.checkpoint import Checkpoint
-from thinknav_trainer.config import ConfigError, TrainConfig, change_config
-from thinknav_trainer.control import ALWAYS, CONTROLS, DIRECTIONS, NOTHING, UNASKED, Control, ControlName
+from thinknav_trainer.config import ConfigError, ControlName, TrainConfig, change_config
+from thinknav_trainer.control import ALWAYS, CONTROLS, DIRECTIONS, NOTHING, UNASKED, Control
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.evaluate_agent import Setting, evaluate_agent
 from thinknav_trainer.home_sets import parse_home_set

@@ -14,8 +14,7 @@ from thinknav_sim.observations import Observations
 from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
 from thinknav_trainer.agents import AGENTS, Agent, Obedience
-from thinknav_trainer.config import ConfigError, TrainConfig, change_config
-from thinknav_trainer.control import ControlName
+from thinknav_trainer.config import ConfigError, ControlName, TrainConfig, change_config
 from thinknav_trainer.evaluate import Conditions, EpisodeRecord, play
 from thinknav_trainer.evaluate_agent import Setting, evaluate_agent, named_agent
 from thinknav_trainer.home_sets import HomeSet, make_home_set, parse_home_set

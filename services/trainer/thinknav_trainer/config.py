@@ -20,6 +20,7 @@ from thinknav_trainer.errors import UserError
 NEVER = -1e9
 # Each way, so that there is something to halve: over a single pixel, oneDNN's bfloat16 gradient is not finite.
 RESNET50_PIXELS = 64
+ControlName = Literal["none", "zeros", "another", "constant", "random", "deaf"]  # what the policy is told instead
 Precision = Literal["auto", "float32", "bfloat16"]  # in which number format the policy acts and learns
 
 
@@ -99,7 +100,7 @@ class PlannerConfig(Section):
         None, description="file with one line name:token; without it the variable THINKNAV_PLANNER_TOKEN is used"
     )
     tls_ca: Path | None = Field(None, description="PEM file of the authority that signed its certificate")
-    control: Literal["none", "zeros", "another", "constant", "random", "deaf"] = Field(
+    control: ControlName = Field(
         "none",
         description="what the policy is told in the place of replies, whoever answers: zeros, another agent's reply, "
         "always the same sentence, a random direction; deaf: it sees zeros, and a demonstrator hears the reply "

@@ -8,17 +8,17 @@ nothing of rewards and of transports.
 import zlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 from numpy.typing import NDArray
 
 from thinknav_proto import PlannerError, SubgoalReply
 from thinknav_sim.task_config import Action
+from thinknav_trainer.config import ControlName
 from thinknav_trainer.model_training.sentences import subgoal_sentence
 from thinknav_trainer.planner import Answer
 
-ControlName = Literal["none", "zeros", "another", "constant", "random", "deaf"]
 CONTROLS: tuple[ControlName, ...] = get_args(ControlName)
 
 UNASKED = frozenset({"zeros", "constant", "random"})  # in these nobody hears anything of what the planner says

@@ -16,8 +16,7 @@ from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.actor import Actor
 from thinknav_trainer.agents import Agent, MakeAgent, PolicyAgent
-from thinknav_trainer.config import ThinkConfig, TrainConfig
-from thinknav_trainer.control import ControlName
+from thinknav_trainer.config import ControlName, ThinkConfig, TrainConfig
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.obstacle_memory import ObstacleMemory
 from thinknav_trainer.planner import PlannerClient

@@ -25,8 +25,8 @@ from thinknav_sim.scene import GOAL_CATEGORIES
 from thinknav_sim.task_config import Action
 from thinknav_sim.vector_env import ObjectNavVectorEnv
 from thinknav_trainer.asking import Asking, AskNobody, AskTogether
-from thinknav_trainer.config import ThinkConfig
-from thinknav_trainer.control import UNASKED, Control, ControlName
+from thinknav_trainer.config import ControlName, ThinkConfig
+from thinknav_trainer.control import UNASKED, Control
 from thinknav_trainer.direction import subgoal_direction
 from thinknav_trainer.farming import farming_measures
 from thinknav_trainer.forcing import FORCED_THINK

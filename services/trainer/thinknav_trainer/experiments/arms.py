@@ -1,6 +1,6 @@
 """The arms with which the paper is reproduced; docs/experiments.md has a line for each kind.
 
-Headline arms have five seeds, the others those of their experiment.
+Headline arms have five seeds, and what tells lessons from thoughts, the others those of their experiment.
 """
 
 from dataclasses import replace
