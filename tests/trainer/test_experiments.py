@@ -67,6 +67,8 @@ def test_single_has_the_arms_and_seeds_it_should(tmp_path: Path) -> None:
         "agent-cloned-deaf",
     }
     assert set(seeds.values()) == {3, 5}
+    over = {arm.name: arm.over for arm in single.arms}
+    assert (over["agent-cloned-deaf"], over["agent-paper-random"]) == ("agent-cloned", "agent-paper")
     configs = {arm.name: single.config(arm, 0) for arm in single.arms}
     assert configs["never-1m"].total_steps == 1_000_000
     assert configs["agent-foresight-480k"].total_steps == 480_000
