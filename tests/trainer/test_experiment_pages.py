@@ -13,6 +13,7 @@ from thinknav_trainer.cli import app
 from thinknav_trainer.config import ConfigError, load_config
 from thinknav_trainer.experiments import AgentRow, named_experiment, write_results
 from thinknav_trainer.experiments.figure import PANELS
+from thinknav_trainer.experiments.headline import EXPERIMENTS, ROWS, with_headline
 from thinknav_trainer.experiments.job import jobs_of
 from thinknav_trainer.experiments.ledger import Ledger
 from thinknav_trainer.experiments.named import SIMPLEST
@@ -180,6 +181,31 @@ def test_the_results_page_is_the_one_of_the_result_files() -> None:
     page = (DOCS / "results.md").read_text()
     command = "python -m thinknav_trainer.experiments.results_page docs/results.md"
     assert with_tables(page, DOCS / "results") == page, command
+
+
+def test_the_headline_is_the_one_of_the_result_files() -> None:
+    readme = (DOCS.parent / "README.md").read_text()
+    command = "python -m thinknav_trainer.experiments.headline README.md"
+    assert with_headline(readme, DOCS / "results") == readme, command
+    known = {arm.name for name in EXPERIMENTS for arm in named_experiment(name).arms} | {"planner-only"}
+    assert set(ROWS) <= known
+
+
+def test_the_headline_tells_of_arms_and_agents_as_far_as_there_are(tmp_path: Path) -> None:
+    fill(tmp_path)
+    write_results(SHORT, tmp_path)
+    for name in EXPERIMENTS:
+        (tmp_path / f"{name}.json").write_bytes((tmp_path / "single.json").read_bytes())
+    page = with_headline("a\n<!-- headline: begin -->\nold\n<!-- headline: end -->\nb\n", tmp_path)
+    assert page.startswith("a\n<!-- headline: begin -->\n\n| success, SPL (seeds) | one home, 160,000 steps |")
+    assert page.endswith("|\n\n<!-- headline: end -->\nb\n")
+    for words in (
+        "| PPO, the baseline (`never`) | 0.20, 0.10 (5) | 0.20, 0.10 (5) |",
+        "(`agent-cloned`) | 0.70, 0.35 (3) |",
+        "(`agent-cloned-deaf`) | – | – | – |",
+        "(`planner-only`) | 0.65, 0.33 |",
+    ):
+        assert words in page
 
 
 def test_whose_thoughts_can_be_replaced() -> None:

@@ -65,8 +65,8 @@ def _absolute(result: dict[str, Any]) -> str:
         cells = [_cell(measures.get(measure), measure in _WITH_INTERVAL) for measure in _ABSOLUTE]
         rows.append([label, str(len(result["protocol"]["seeds"][name])), *cells])
     for name, values in result["agents"].items():
-        rows.append([f"*{name}*", "no training", *(_number(values.get(measure)) for measure in _ABSOLUTE)])
-    return _table(["arm", "seeds", *_ABSOLUTE.values()], rows)
+        rows.append([f"*{name}*", "no training", *(number(values.get(measure)) for measure in _ABSOLUTE)])
+    return table(["arm", "seeds", *_ABSOLUTE.values()], rows)
 
 
 def _ratios(result: dict[str, Any]) -> list[str]:
@@ -76,7 +76,7 @@ def _ratios(result: dict[str, Any]) -> list[str]:
         cells = [_cell(part[measure], True) for measure in ("spl", "success") for part in (ratios, differences)]
         rows.append([name, *cells])
     titles = ["", "SPL, ratio", "SPL, difference", "success, ratio", "success, difference"]
-    return ["## Over the baseline, and one arm over another", _table(titles, rows)] if rows else []
+    return ["## Over the baseline, and one arm over another", table(titles, rows)] if rows else []
 
 
 def _replaced(result: dict[str, Any]) -> list[str]:
@@ -85,7 +85,7 @@ def _replaced(result: dict[str, Any]) -> list[str]:
         told = result["arms"][name], result["masked"][name], result["shuffled"].get(name, {})
         rows.append([name, *(_cell(part.get(m), True) for m in ("spl", "success") for part in told)])
     titles = ["arm"] + [f"{m}{how}" for m in ("SPL", "success") for how in ("", ", masked", ", another's")]
-    return ["## Without its thoughts", _table(titles, rows)] if rows else []
+    return ["## Without its thoughts", table(titles, rows)] if rows else []
 
 
 def _returns(result: dict[str, Any]) -> list[str]:
@@ -99,7 +99,7 @@ def _returns(result: dict[str, Any]) -> list[str]:
     titles = ["arm", *(term.removeprefix("reward/") for term in terms), *_FARMING.values()]
     words = "Sums of an episode, and the share of each term in the sum of their absolute values; "
     link = "and whether it was farmed ([metrics](../metrics.md#is-a-bonus-farmed))."
-    return ["## What the return was made of", words + link, _table(titles, rows)] if rows else []
+    return ["## What the return was made of", words + link, table(titles, rows)] if rows else []
 
 
 def _notes(protocol: dict[str, Any]) -> Iterable[str]:
@@ -127,7 +127,7 @@ def _notes(protocol: dict[str, Any]) -> Iterable[str]:
 def _overrides(protocol: dict[str, Any]) -> str:
     """What each arm sets, over the preset."""
     rows = [[name, " ".join(f"`{one}`" for one in own) or "nothing"] for name, own in protocol["overrides"].items()]
-    return _table(["", f"over the preset `{protocol['preset']}`"], rows)
+    return table(["", f"over the preset `{protocol['preset']}`"], rows)
 
 
 def _by_value(named: dict[str, str]) -> str:
@@ -138,7 +138,8 @@ def _by_value(named: dict[str, str]) -> str:
     return usual if not others else f"{usual}; but {', '.join(others)}"
 
 
-def _table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table(titles: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown."""
     lines = [titles, ["---"] * len(titles), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
@@ -147,12 +148,13 @@ def _cell(row: Stats | None, interval: bool = False) -> str:
     if row is None or row["mean"] is None:
         return "–"
     if not interval or (row["low"] is None and row["high"] is None):
-        return _number(row["mean"])
-    low, high = ("∞" if bound is None else _number(bound) for bound in (row["low"], row["high"]))
-    return f"{_number(row['mean'])} ({low} to {high})"
+        return number(row["mean"])
+    low, high = ("∞" if bound is None else number(bound) for bound in (row["low"], row["high"]))
+    return f"{number(row['mean'])} ({low} to {high})"
 
 
-def _number(value: float | None) -> str:
+def number(value: float | None) -> str:
+    """A number as tables show it; a dash for none."""
     if value is None:
         return "–"
     return f"{value:.0f}" if abs(value) >= 100 else f"{value:.1f}" if abs(value) >= 10 else f"{value:.2f}"
