@@ -113,7 +113,7 @@ def test_the_policy_sees_what_the_control_tells(thinking_env: MakeThinkingEnv, s
     judged = {}
     for name in CONTROLS:
         planner = PlannerClient(MockTransport(lambda request: "turn right"))
-        env = ThinkingEnv(base.env, base._config, planner, control=name)
+        env = ThinkingEnv(base.env, base.config, planner, control=name)
         env.reset()
         step = env.step(think)
         assert planner.counts.asked == (0 if name in UNASKED else 3)  # what nobody hears is not asked
@@ -130,7 +130,7 @@ def test_the_policy_sees_what_the_control_tells(thinking_env: MakeThinkingEnv, s
 @pytest.mark.parametrize("strategy", ["agent", "once"])
 def test_the_deaf_are_told_all_and_hear_nothing(thinking_env: MakeThinkingEnv, strategy: str) -> None:
     base = thinking_env(lambda request: "turn right", count=2)
-    config = base._config.model_copy(update={"strategy": strategy})
+    config = base.config.model_copy(update={"strategy": strategy})
     env = ThinkingEnv(base.env, config, PlannerClient(MockTransport(lambda request: "turn right")), control="deaf")
     assert env.reset()["thought"].any()  # the task is no reply
     step = env.step(np.full(2, Action.THINK))
@@ -152,7 +152,7 @@ def test_the_deaf_replay_as_deaf(tmp_path: Path, smoke: TrainConfig, homes: Home
 
 def test_a_plan_that_nobody_hears_has_one_step(thinking_env: MakeThinkingEnv) -> None:
     base = thinking_env(lambda request: "turn right", count=2)
-    config = base._config.model_copy(update={"strategy": "once"})
+    config = base.config.model_copy(update={"strategy": "once"})
     told: dict[ControlName, str] = {"constant": ALWAYS, "zeros": NOTHING}
     for name, words in told.items():
         env = ThinkingEnv(base.env, config, PlannerClient(MockTransport(lambda request: "turn right")), control=name)

@@ -65,11 +65,17 @@ def test_single_has_the_arms_and_seeds_it_should(tmp_path: Path) -> None:
         "agent-paper",
         "agent-cloned",
         "agent-cloned-deaf",
+        "never-taught",
     }
     assert set(seeds.values()) == {3, 5}
     over = {arm.name: arm.over for arm in single.arms}
     assert (over["agent-cloned-deaf"], over["agent-paper-random"]) == ("agent-cloned", "agent-paper")
     configs = {arm.name: single.config(arm, 0) for arm in single.arms}
+    assert over["never-taught"] == "agent-cloned"
+    taught, cloned = configs["never-taught"], configs["agent-cloned"]
+    assert taught.think.strategy == "never"
+    assert taught.warm_start.model_copy(update={"demonstrator": "planner"}) == cloned.warm_start
+    assert taught.ppo == cloned.ppo
     assert configs["never-1m"].total_steps == 1_000_000
     assert configs["agent-foresight-480k"].total_steps == 480_000
     assert configs["agent-cloned-deaf"].planner.control == "deaf"

@@ -256,7 +256,7 @@ def test_without_latency_it_equals_lock_step_bit_for_bit(thinking_env: MakeThink
     def made(asking: Any) -> Collector:
         env = thinking_env(lambda request: "turn left", count=3, max_steps=9, reward="paper")
         client = InstantClient(MockTransport(lambda request: "turn left"))
-        env = ThinkingEnv(env.env, env._config, client, asking)
+        env = ThinkingEnv(env.env, env.config, client, asking)
         torch.manual_seed(0)
         shape = ObservationShape(smoke.env.height, smoke.env.width, num_actions=5, thought_size=512)
         policy = Policy(shape, smoke.policy.model_copy(update={"stop_bias": -1.0, "think_bias": 0.5}))

@@ -83,9 +83,12 @@ def test_the_planner_shows_policies_that_think(smoke: TrainConfig) -> None:
         change_config(smoke, overrides=["warm_start.steps=64", "think.strategy=never"])
 
 
-def test_a_policy_that_never_thinks_may_imitate_a_walker(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
-    walker = ["warm_start.steps=64", "think.strategy=never", "warm_start.demonstrator=bump-walker"]
-    run = Run.create(tmp_path / "run", change_config(smoke, overrides=walker))
+@pytest.mark.parametrize("demonstrator", ["bump-walker", "planner-aside"])
+def test_a_policy_that_never_thinks_may_imitate_who_shows_no_thinks(
+    tmp_path: Path, smoke: TrainConfig, homes: Homes, demonstrator: str
+) -> None:
+    quiet = ["warm_start.steps=64", "think.strategy=never", f"warm_start.demonstrator={demonstrator}"]
+    run = Run.create(tmp_path / "run", change_config(smoke, overrides=quiet))
     train(run, homes, None, Interruption())
     run.close()
     rows = read_metrics(tmp_path / "run")

@@ -215,10 +215,10 @@ class PPOConfig(Section):
 class WarmStartConfig(Section):
     """Imitating an agent, before learning from rewards."""
 
-    demonstrator: Literal["planner", "bump-walker"] = Field(
+    demonstrator: Literal["planner", "planner-aside", "bump-walker"] = Field(
         "planner",
         description="the agent to imitate, of those of `thinknav eval --agent`: planner thinks and obeys; bump-walker "
-        "never thinks",
+        "never thinks; or planner-aside: as planner, but it asks the embedded planner aside, and only its moves are seen",
     )
     steps: int = Field(0, ge=0, description="environment steps of demonstrations, part of total_steps; 0: none")
     own_share: float = Field(
@@ -310,7 +310,7 @@ class TrainConfig(Section):
         if self.warm_start.steps and self.warm_start.demonstrator == "planner" and self.think.strategy != "agent":
             raise ValueError(
                 "warm_start.demonstrator planner shows how to think: it needs think.strategy agent, not "
-                f"{self.think.strategy}; bump-walker does not"
+                f"{self.think.strategy}; planner-aside and bump-walker do not"
             )
         if self.ppo.kl_coef and not self.warm_start.steps:
             raise ValueError("ppo.kl_coef is for what a warm start taught: it needs warm_start.steps")

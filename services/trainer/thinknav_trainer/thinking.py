@@ -121,7 +121,7 @@ class ThinkingEnv:
         self.parked: set[int] = set()
         if isinstance(planner, EmbeddedPlanner):  # nothing travels
             config = config.model_copy(update={"frame_encoding": "raw"})
-        self._config = config
+        self.config = config
         self._asking = None if planner is None else _asking_of(planner, env, asking, control)
         self._patience = Patience(config.patience)
         self._discount = discount
@@ -230,7 +230,7 @@ class ThinkingEnv:
         terms: Terms = dict(infos["reward_terms"])
         judged = self._judged(envs, actions, terms["progress"], terminated)
         self._trajectories.note(envs, poses, actions, judged.agreement)
-        extra = self._scheme(judged, self._config)
+        extra = self._scheme(judged, self.config)
         told = self._told(envs, actions, replies)
         for term in extra.values():
             rewards = rewards + term
@@ -267,7 +267,7 @@ class ThinkingEnv:
         told = np.zeros((len(envs), self._descriptions.shape[1]), np.float32)
         if self._deaf:
             self.counts.withheld += sum(isinstance(reply, SubgoalReply) for reply in replies.values())
-        elif self._config.strategy == "once":
+        elif self.config.strategy == "once":
             self._instructions(envs, actions, replies, told)
         else:
             self._subgoals(envs, replies, told)
@@ -285,7 +285,7 @@ class ThinkingEnv:
 
     def _withholds(self) -> bool:
         """Whether the next reply is withheld."""
-        withheld = bool(self._config.dropout) and self._withholding.random() < self._config.dropout
+        withheld = bool(self.config.dropout) and self._withholding.random() < self.config.dropout
         self.counts.withheld += withheld
         return withheld
 
@@ -319,11 +319,11 @@ class ThinkingEnv:
                 SubgoalRequest(
                     request_id=str(self._request_number),
                     goal=goal,
-                    frame=encode_frame(frame, self._config.frame_encoding),
-                    mode="plan" if self._config.strategy == "once" else "subgoal",
+                    frame=encode_frame(frame, self.config.frame_encoding),
+                    mode="plan" if self.config.strategy == "once" else "subgoal",
                     recent=self._recent.before(env, poses[env]),
-                    temperature=self._config.temperature,
-                    deadline=self._config.deadline,
+                    temperature=self.config.temperature,
+                    deadline=self.config.deadline,
                 )
             )
         return requests
@@ -365,9 +365,9 @@ class ThinkingEnv:
 
     def _show_forcing(self, observations: Observations, envs: NDArray[np.integer[Any]]) -> None:
         """Where the strategy forces thinks: with which probability the next action is one."""
-        if self._config.strategy in STRATEGIES and (self._config.strategy != "agent" or self._config.forced):
-            strategy = STRATEGIES[self._config.strategy]
-            observations[FORCED_THINK] = strategy(self._steps[envs], self.share, self._config)
+        if self.config.strategy in STRATEGIES and (self.config.strategy != "agent" or self.config.forced):
+            strategy = STRATEGIES[self.config.strategy]
+            observations[FORCED_THINK] = strategy(self._steps[envs], self.share, self.config)
 
     def _end_episodes(
         self, envs: NDArray[np.integer[Any]], infos: dict[str, Any], terms: Terms, done: NDArray[np.bool_]

@@ -1,6 +1,7 @@
 """Agents: a policy, the planner-only agent, and baselines, all driven through `Agent`."""
 
 from thinknav_trainer.agents.agent import Agent, Demonstrator
+from thinknav_trainer.agents.aside import AsideAgent
 from thinknav_trainer.agents.baselines import BumpWalker, PerfectStop, RandomAgent, ShortestPathAgent
 from thinknav_trainer.agents.farmer import Farmer
 from thinknav_trainer.agents.frontier import FrontierAgent
@@ -12,6 +13,7 @@ __all__ = [
     "AGENTS",
     "DEMONSTRATORS",
     "Agent",
+    "AsideAgent",
     "BumpWalker",
     "Demonstrator",
     "Farmer",

@@ -5,10 +5,12 @@ from dataclasses import dataclass
 
 from thinknav_sim.task_config import Action
 from thinknav_trainer.agents.agent import Agent, Demonstrator
+from thinknav_trainer.agents.aside import AsideAgent
 from thinknav_trainer.agents.baselines import BumpWalker, PerfectStop, RandomAgent, ShortestPathAgent
 from thinknav_trainer.agents.farmer import Farmer
 from thinknav_trainer.agents.frontier import FrontierAgent
 from thinknav_trainer.agents.obedient import Obedience, ObedientAgent
+from thinknav_trainer.planner.embedded import EmbeddedPlanner
 from thinknav_trainer.thinking import ThinkingEnv
 
 # Makes an agent for all of an env's envs, from a seed.
@@ -39,6 +41,7 @@ def obedient(obedience: Obedience) -> NamedAgent:
 # Whom a policy may imitate: `warm_start.demonstrator`. None of them is privileged.
 DEMONSTRATORS: dict[str, Callable[[ThinkingEnv, int], Demonstrator]] = {
     "planner": lambda env, seed: ObedientAgent(env.num_envs, env.env.config),  # noqa: ARG005
+    "planner-aside": lambda env, seed: AsideAgent(env.env, EmbeddedPlanner(seed), env.config),
     "bump-walker": lambda env, seed: BumpWalker(env.num_envs, seed),
 }
 

@@ -37,6 +37,9 @@ IMITATION = Arm("agent-imitation", (*CLONED, f"total_steps={WARM_START_STEPS}"))
 CLONE = Arm("agent-cloned", CLONED, HEADLINE_SEEDS, over=IMITATION.name)
 CLONE_BUDGET = Arm("agent-cloned-budget", (*CLONED, *_BUDGET))
 FORESIGHT = Arm("agent-foresight", (*CLONED, *_BUDGET, *_FORESIGHT))
+# The same lessons for who never thinks, and the warm start alone of that.
+TAUGHT = Arm("never-taught", (*_NEVER, "warm_start.demonstrator=planner-aside", *CLONED), over=CLONE.name)
+TAUGHT_IMITATION = Arm("never-imitation", (*TAUGHT.overrides, f"total_steps={WARM_START_STEPS}"), over=IMITATION.name)
 KEPT = Arm("agent-cloned-kl", (*CLONED, "ppo.kl_coef=0.1"), over=IMITATION.name)
 EVERY_N = Arm("every-n", ("think.strategy=every_n",))
 PERFECT = Arm("privileged", _PRIVILEGED)
@@ -92,6 +95,7 @@ def arms_of_single() -> tuple[Arm, ...]:
         CLONE_BUDGET,
         longer(NEVER, 1_000_000),
         *(longer(arm, 480_000) for arm in (NEVER, CLONE, FORESIGHT, EVERY_N)),
+        replace(TAUGHT, seeds=HEADLINE_SEEDS),
         NEVER_CLONED,
         Arm("never-beside", (*_NEVER, *_BESIDE)),
         Arm("agent-cloned-beside", (*CLONED, *_BESIDE)),
@@ -126,7 +130,7 @@ def arms_of_five() -> tuple[Arm, ...]:
         *WITH_MEMORY,
         FORESIGHT,
         longer(NEVER, 1_000_000),
-        NEVER_CLONED,
+        TAUGHT,
         THINK_COST,
         *(control_of(CLONE, control) for control in ("deaf", "another")),
         PERFECT,
@@ -135,6 +139,6 @@ def arms_of_five() -> tuple[Arm, ...]:
 
 def arms_of_unseen() -> tuple[Arm, ...]:
     """Homes never seen: three seeds of each."""
-    taught = control_of(with_memory(IMITATION), "deaf")
-    arms = (NEVER, CLONE, IMITATION, *WITH_MEMORY, taught, FORESIGHT, PAPER)
+    deaf = control_of(with_memory(IMITATION), "deaf")
+    arms = (NEVER, CLONE, IMITATION, *WITH_MEMORY, deaf, with_memory(TAUGHT_IMITATION), FORESIGHT, PAPER)
     return tuple(replace(arm, seeds=None) for arm in arms)

@@ -27,7 +27,7 @@ _DRAWN = (
     "agent-cloned",
     "agent-foresight",
     "agent-think-cost",
-    "never-cloned",
+    "never-taught",
     "privileged",
 )
 
