@@ -218,7 +218,7 @@ class WarmStartConfig(Section):
     demonstrator: Literal["planner", "planner-aside", "bump-walker"] = Field(
         "planner",
         description="the agent to imitate, of those of `thinknav eval --agent`: planner thinks and obeys; bump-walker "
-        "never thinks; or planner-aside: as planner, but it asks the embedded planner aside, and only its moves are seen",
+        "never thinks; or planner-aside: as planner, but the embedded planner is asked aside, and only moves are seen",
     )
     steps: int = Field(0, ge=0, description="environment steps of demonstrations, part of total_steps; 0: none")
     own_share: float = Field(
