@@ -202,7 +202,7 @@ def test_the_headline_tells_of_arms_and_agents_as_far_as_there_are(tmp_path: Pat
     for words in (
         "| PPO, the baseline (`never`) | 0.20, 0.10 (5) | 0.20, 0.10 (5) |",
         "(`agent-cloned`) | 0.70, 0.35 (3) |",
-        "(`agent-cloned-deaf`) | – | – | – |",
+        "(`never-taught`) | – | – | – |",
         "(`planner-only`) | 0.65, 0.33 |",
     ):
         assert words in page

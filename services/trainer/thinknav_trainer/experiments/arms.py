@@ -140,5 +140,6 @@ def arms_of_five() -> tuple[Arm, ...]:
 def arms_of_unseen() -> tuple[Arm, ...]:
     """Homes never seen: three seeds of each."""
     deaf = control_of(with_memory(IMITATION), "deaf")
-    arms = (NEVER, CLONE, IMITATION, *WITH_MEMORY, deaf, with_memory(TAUGHT_IMITATION), FORESIGHT, PAPER)
+    taught = (TAUGHT, with_memory(TAUGHT_IMITATION))
+    arms = (NEVER, CLONE, IMITATION, *taught, *WITH_MEMORY, deaf, FORESIGHT, PAPER)
     return tuple(replace(arm, seeds=None) for arm in arms)

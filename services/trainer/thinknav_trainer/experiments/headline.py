@@ -17,7 +17,7 @@ ROWS = {
     "never": "PPO, the baseline",
     "agent-paper": "the paper's reward",
     "agent-cloned": "taught to listen, then PPO",
-    "agent-cloned-deaf": "taught the same, but deaf to the replies",
+    "never-taught": "taught the same, but never thinks",
     "agent-cloned-kl-memory": "taught, held to it, a sensor that remembers obstacles",
     "planner-only": "the planner by itself, no training",
 }
