@@ -115,6 +115,15 @@ def test_arms_with_more_steps_or_sensors_stand_over_a_baseline_that_has_them(
     assert found[f"agent-cloned-{pairs}/never-{pairs}"]["success"]["mean"] == pytest.approx(2.25)
 
 
+def test_of_two_baselines_alike_the_later_stands_over_the_first_and_never_the_other_way_round() -> None:
+    names = ["never", "never-480k", "never-taught-480k", "agent-foresight-480k"]
+    lines = [line_of(name, 0, success) for name, success in zip(names, (0.2, 0.4, 0.6, 0.8), strict=True)]
+    found = summarize(named_experiment("single"), lines)["ratios"]
+    first, second, third = names[1:]
+    assert set(found) == {f"{second}/{first}", f"{third}/{first}", f"{third}/{second}"}
+    assert found[f"{third}/{second}"]["success"]["mean"] == pytest.approx(4 / 3)
+
+
 def test_what_follows_imitation_stands_over_it() -> None:
     names = ["agent-cloned", "agent-imitation", "agent-cloned-memory", "agent-imitation-memory", "never"]
     lines = [line_of(name, 0, success) for name, success in zip(names, (0.6, 0.8, 0.9, 0.6, 0.3), strict=True)]

@@ -94,7 +94,7 @@ def arms_of_single() -> tuple[Arm, ...]:
         FORESIGHT,
         CLONE_BUDGET,
         longer(NEVER, 1_000_000),
-        *(longer(arm, 480_000) for arm in (NEVER, CLONE, FORESIGHT, EVERY_N)),
+        *(longer(arm, 480_000) for arm in (NEVER, TAUGHT, CLONE, FORESIGHT, EVERY_N)),
         replace(TAUGHT, seeds=HEADLINE_SEEDS),
         NEVER_CLONED,
         Arm("never-beside", (*_NEVER, *_BESIDE)),

@@ -61,7 +61,9 @@ def draw_curves(experiment: Experiment, lines: Sequence[Line]) -> dict[str, byte
         for place in range(len(drawn))
     ]
     labels = [_label(name, arms[name], experiment) for name in drawn]
-    figure.legend(handles, labels, loc="outside upper center", ncols=min(5, len(drawn)), frameon=False, fontsize=9)
+    figure.legend(
+        handles, labels, loc="outside upper center", ncols=min(5, len(drawn)), frameon=False, fontsize=9, handlelength=3
+    )
     return {ending: saved(figure, ending) for ending in ("svg", "png")}
 
 

@@ -70,9 +70,8 @@ def _rounded(row: dict[str, float | None]) -> Stats:
 
 
 def _compared(experiment: Experiment, arms: dict[str, list[Line]]) -> dict[str, tuple[list[Line], list[Line]]]:
-    """What stands over the baseline, by the name of the ratio; other steps or sensors, over one that has them too.
-
-    And the arms that say over which other one they stand.
+    """What stands over the baseline, by the name of the ratio; other steps or sensors, over one that has them too and
+    comes before them. And the arms that say over which other one they stand.
     """
     baseline = experiment.baseline
     if baseline is None or baseline not in arms:
@@ -80,11 +79,11 @@ def _compared(experiment: Experiment, arms: dict[str, list[Line]]) -> dict[str, 
     wanted = {BEST: experiment.best, PAPER: PAPER}
     pairs = {f"{name}/{baseline}": (arms[arm], arms[baseline]) for name, arm in wanted.items() if arm in arms}
     conditions = _conditions(experiment)
-    for other in (
-        name for name in arms if name.startswith(f"{baseline}-") and conditions[name] != conditions[baseline]
-    ):
-        alike = (name for name in arms if conditions[name] == conditions[other] and name != other)
-        pairs |= {f"{name}/{other}": (arms[name], arms[other]) for name in alike}
+    names = list(arms)
+    for place, other in enumerate(names):
+        if other.startswith(f"{baseline}-") and conditions[other] != conditions[baseline]:
+            alike = (name for name in names[place + 1 :] if conditions[name] == conditions[other])
+            pairs |= {f"{name}/{other}": (arms[name], arms[other]) for name in alike}
     named = {f"{arm.name}/{arm.over}": (arm.name, arm.over) for arm in experiment.arms if arm.over is not None}
     return pairs | {name: (arms[arm], arms[over]) for name, (arm, over) in named.items() if {arm, over} <= set(arms)}
 
