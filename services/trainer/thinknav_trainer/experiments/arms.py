@@ -39,7 +39,7 @@ CLONE_BUDGET = Arm("agent-cloned-budget", (*CLONED, *_BUDGET))
 FORESIGHT = Arm("agent-foresight", (*CLONED, *_BUDGET, *_FORESIGHT))
 # The same lessons for who never thinks, and the warm start alone of that.
 TAUGHT = Arm("never-taught", (*_NEVER, "warm_start.demonstrator=planner-aside", *CLONED), over=CLONE.name)
-TAUGHT_IMITATION = Arm("never-imitation", (*TAUGHT.overrides, f"total_steps={WARM_START_STEPS}"), over=IMITATION.name)
+TAUGHT_IMITATION = Arm("never-imitation", (*TAUGHT.overrides, f"total_steps={WARM_START_STEPS}"))
 KEPT = Arm("agent-cloned-kl", (*CLONED, "ppo.kl_coef=0.1"), over=IMITATION.name)
 EVERY_N = Arm("every-n", ("think.strategy=every_n",))
 PERFECT = Arm("privileged", _PRIVILEGED)
