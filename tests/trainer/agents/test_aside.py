@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from tests.trainer.conftest import MakeThinkingEnv
-from thinknav_proto import PlannerFailed, SubgoalReply, SubgoalRequest
+from thinknav_proto import PlannerFailed, SubgoalRequest
 from thinknav_sim.task_config import Action
 from thinknav_trainer.agents import AsideAgent, Demonstrator, ObedientAgent
 from thinknav_trainer.planner import MockTransport, PlannerClient
@@ -16,7 +16,7 @@ from thinknav_trainer.thoughts import Thought
 ENVS = 3
 
 
-def by_the_frame(request: SubgoalRequest) -> str | SubgoalReply | PlannerFailed:
+def by_the_frame(request: SubgoalRequest) -> str | PlannerFailed:
     """Another word for another picture and goal; sometimes none. Nobody is told to stop."""
     number = zlib.crc32(request.goal.encode() + request.frame.data) % 4
     if number == 3:
