@@ -4,8 +4,6 @@ Threads are numba's: `numba.set_num_threads` and NUMBA_NUM_THREADS say how many 
 """
 
 import functools
-from types import TracebackType
-from typing import Self
 
 import numba
 import numpy as np
@@ -16,7 +14,7 @@ from thinknav_sim.render.camera import Camera
 from thinknav_sim.render.embree_kernels import Surface, cast_rays, draw_views, packet_scratch, surface_row
 from thinknav_sim.render.embree_library import PACKET_WIDTHS, EmbreeDevice, EmbreeScene
 from thinknav_sim.render.known_answer import check_known_answer
-from thinknav_sim.render.renderer import Hits
+from thinknav_sim.render.renderer import ClosedAtExit, Hits
 from thinknav_sim.render.textures import pack_textures
 from thinknav_sim.render.threads import PARALLEL_REGION
 from thinknav_sim.scene import Scene
@@ -54,7 +52,7 @@ class _BuiltScene:
         return (self.picture.handle, *surface_row(self._surface))
 
 
-class EmbreeRenderer:
+class EmbreeRenderer(ClosedAtExit):
     """Draws on the CPU with Embree 4; see `Renderer` for what its methods take and give.
 
     packet_width: rays intersected at once, 4, 8 or 16; 0 for the widest that this CPU has instructions for.
@@ -131,14 +129,6 @@ class EmbreeRenderer:
         """See `Renderer.close`."""
         self._scenes.clear()
         self._device.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def _intersect_arguments(flags: int) -> NDArray[np.uint32]:

@@ -5,8 +5,8 @@ renderer is made, since that takes most of a second and needs libraries of the o
 """
 
 from dataclasses import dataclass
-from types import ModuleType, TracebackType
-from typing import Any, Self
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from thinknav_sim.render.arguments import SceneTable, check_rays, check_views
 from thinknav_sim.render.camera import Camera
 from thinknav_sim.render.known_answer import check_known_answer
-from thinknav_sim.render.renderer import NOTHING_DEPTH, Hits, RendererUnavailable
+from thinknav_sim.render.renderer import NOTHING_DEPTH, ClosedAtExit, Hits, RendererUnavailable
 from thinknav_sim.scene import Scene
 
 # Shared libraries that Open3D loads from the system, and the Debian packages that hold them.
@@ -42,7 +42,7 @@ class _CastScene:
     textures: tuple[NDArray[np.uint8], ...]
 
 
-class Open3DRenderer:
+class Open3DRenderer(ClosedAtExit):
     """Draws on the CPU with Open3D; see `Renderer` for what its methods take and give.
 
     threads: how many cast rays, 0 for all cores.
@@ -105,14 +105,6 @@ class Open3DRenderer:
         """See `Renderer.close`."""
         self._closed = True
         self._scenes.clear()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _draw(self, scene: _CastScene, rays: NDArray[np.float32]) -> tuple[NDArray[np.uint8], NDArray[np.float32]]:
         """The rgb (..., 3) and depth (..., 1) of rays (..., 6) whose distances are depths."""

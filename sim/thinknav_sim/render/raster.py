@@ -6,8 +6,6 @@ Knows nothing of tasks. Threads are numba's.
 """
 
 import functools
-from types import TracebackType
-from typing import Self
 
 import numba
 import numpy as np
@@ -19,7 +17,7 @@ from thinknav_sim.render.known_answer import check_known_answer
 from thinknav_sim.render.picture_memory import PictureMemory
 from thinknav_sim.render.raster_clusters import Clusters, cluster
 from thinknav_sim.render.raster_kernels import SPAN, draw_views
-from thinknav_sim.render.renderer import Hits, Renderer
+from thinknav_sim.render.renderer import ClosedAtExit, Hits, Renderer
 from thinknav_sim.render.threads import PARALLEL_REGION
 from thinknav_sim.scene import Scene
 
@@ -58,7 +56,7 @@ class _Clustered:
             self._caster.remove_scene(self.caster_id)
 
 
-class RasterRenderer:
+class RasterRenderer(ClosedAtExit):
     """Draws on the CPU by rasterising; see `Renderer` for what its methods take and give.
 
     caster: casts the rays and draws scenes of more than MAX_TRIANGLES; closed with this renderer.
@@ -109,14 +107,6 @@ class RasterRenderer:
         self._closed = True
         self._scenes.clear()
         self.caster.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _render_mixed(
         self,

@@ -1,10 +1,10 @@
 """What a renderer is. The simulator draws through this.
 
-`embree`, `open3d_raycasting` and `warp_raycasting` implement it.
+`raster`, `embree`, `open3d_raycasting` and `warp_raycasting` implement it.
 """
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,3 +65,17 @@ class Renderer(Protocol):
 
     def close(self) -> None:
         """Free every scene. May be called twice; a renderer that is forgotten frees itself."""
+
+
+class ClosedAtExit:
+    """What makes a renderer one for `with`: it is closed where the block ends."""
+
+    def close(self) -> None:
+        """See `Renderer.close`."""
+        raise NotImplementedError
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *raised: object) -> None:
+        self.close()

@@ -9,8 +9,7 @@ import logging
 import os
 from dataclasses import dataclass
 from pathlib import Path
-from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +17,7 @@ from numpy.typing import NDArray
 from thinknav_sim.render.arguments import SceneTable, check_rays, check_views
 from thinknav_sim.render.camera import Camera
 from thinknav_sim.render.known_answer import check_known_answer
-from thinknav_sim.render.renderer import Hits, RendererUnavailable
+from thinknav_sim.render.renderer import ClosedAtExit, Hits, RendererUnavailable
 from thinknav_sim.render.textures import pack_textures
 from thinknav_sim.scene import Scene
 
@@ -40,7 +39,7 @@ class _DeviceScene:
     buffers: tuple[Any, ...]
 
 
-class WarpRenderer:
+class WarpRenderer(ClosedAtExit):
     """Draws with Warp; see `Renderer` for what its methods take and give.
 
     device: "cuda:0", "cpu", ...; None for Warp's default, the first GPU where there is one.
@@ -125,14 +124,6 @@ class WarpRenderer:
         self._closed = True
         self._synchronize()
         self._scenes.clear()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _launch(self, ids: NDArray[np.int64], poses: NDArray[np.float64], camera: Camera, rgb: Any, depth: Any) -> None:
         warp = self._warp
