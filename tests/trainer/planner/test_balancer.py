@@ -271,6 +271,22 @@ def test_only_the_items_for_which_there_was_no_room_are_asked_elsewhere(
     assert isinstance(answer, SubgoalReply)
 
 
+def test_who_is_not_asked_for_want_of_time_has_no_question_to_answer(pair: tuple[Replica, Replica, Balancer]) -> None:
+    def too_late(_: SubgoalRequest) -> PlannerError:
+        time.sleep(0.05)
+        return Overloaded("full")
+
+    one, two, balancer = pair
+    answers = one.does, two.does
+    one.does = two.does = too_late
+    assert isinstance(ask(balancer, "late", deadline=0.01), Overloaded)
+    assert len(one.asked) + len(two.asked) == 1
+    one.does, two.does = answers
+    for index in range(9):
+        ask(balancer, str(index))
+    assert len(one.asked) == len(two.asked) == 5
+
+
 def test_who_fails_again_and_again_is_left_out_while_another_does_not(
     pair: tuple[Replica, Replica, Balancer],
 ) -> None:

@@ -109,14 +109,17 @@ class Balancer:
         answers: dict[int, Answer] = {}
         waiting = list(range(len(requests)))
         tried: set[str] = set()
+        elapsed = 0.0
         while waiting and (member := self._choose(tried)):
             tried.add(member.name)
-            elapsed = time.monotonic() - began if answers else 0.0
-            waiting = [i for i in waiting if requests[i].deadline > elapsed]
             part = [_after(elapsed, requests[i]) for i in waiting]
-            if part:
-                answers.update(zip(waiting, self._ask_member(member, part), strict=True))
-            waiting = [i for i in waiting if isinstance(answers[i], Unavailable | Overloaded)]
+            answers.update(zip(waiting, self._ask_member(member, part), strict=True))
+            elapsed = time.monotonic() - began
+            waiting = [
+                i
+                for i in waiting
+                if isinstance(answers[i], Unavailable | Overloaded) and requests[i].deadline > elapsed
+            ]
         if requests and not answers:
             with self._changed:
                 raise self._why_nobody()
