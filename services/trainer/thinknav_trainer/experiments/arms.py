@@ -132,7 +132,7 @@ def arms_of_five() -> tuple[Arm, ...]:
         longer(NEVER, 1_000_000),
         TAUGHT,
         THINK_COST,
-        *(control_of(CLONE, control) for control in ("deaf", "another")),
+        control_of(CLONE, "deaf"),
         PERFECT,
     )
 
