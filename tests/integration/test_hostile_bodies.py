@@ -210,7 +210,7 @@ def test_clients_that_hang_up_while_they_send_leave_no_trace_in_the_log(start_se
 
 
 def test_all_bodies_together_have_a_limit(start_service: StartService) -> None:
-    url, _ = start_service("--max-held-bytes", "100000")
+    url, _ = start_service("--max-body-bytes", "100000", "--max-held-bytes", "100000")
     with begin(url, 100_000, bytes(60_000)):
         body = asking(Frame.raw(np.zeros((128, 128, 3), np.uint8)))
         while (response := post(url, body)).status_code == 200:
@@ -231,6 +231,29 @@ def test_headers_without_an_end_are_cut_short_and_take_no_memory(start_service: 
             connection.sendall(128 * MEGABYTE * b"a")
     assert peak_memory(process) - before < SLACK
     assert httpx.get(f"{url}/healthz", trust_env=False).status_code == 200
+
+
+def test_trailers_without_an_end_are_cut_short_and_take_no_memory(start_service: StartService) -> None:
+    url, process = start_service()
+    before = peak_memory(process)
+    address = urlsplit(url)
+    for kind in (b"x: " + 1000 * b"y" + b"\r\n", 1000 * b"y"):
+        with socket.create_connection((address.hostname, address.port), timeout=10) as connection:
+            connection.sendall(b"POST /v1/subgoals HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\r\n0\r\nx: y")
+            with pytest.raises(OSError, match=r"reset|pipe"):
+                connection.sendall(128 * 1000 * kind)
+    assert peak_memory(process) - before < SLACK
+
+
+def test_a_body_in_chunks_may_be_long_and_have_a_trailer(start_service: StartService) -> None:
+    url, _ = start_service()
+    address = urlsplit(url)
+    body = asking(Frame.raw(np.zeros((200, 200, 3), np.uint8)))
+    chunks = b"".join(b"%x\r\n%b\r\n" % (len(part), part) for part in (body[:90_000], body[90_000:]))
+    with socket.create_connection((address.hostname, address.port), timeout=10) as connection:
+        head = f"POST /v1/subgoals HTTP/1.1\r\nHost: a\r\nContent-Type: {CONTENT_TYPE}\r\n"
+        connection.sendall(f"{head}Transfer-Encoding: chunked\r\n\r\n".encode() + chunks + b"0\r\nx: y\r\n\r\n")
+        assert b" 200 " in connection.recv(100)
 
 
 def test_headers_that_are_too_long_are_told_so(start_service: StartService) -> None:

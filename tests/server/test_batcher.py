@@ -437,6 +437,31 @@ def test_whoever_asks_alike_has_a_deadline_of_his_own() -> None:
     run(test)
 
 
+def test_work_that_nobody_waits_for_any_more_is_cancelled_and_frees_its_slot() -> None:
+    async def test() -> None:
+        cancelled: list[int] = []
+
+        async def work(items: Sequence[int]) -> Sequence[int | PlannerError]:
+            try:
+                await asyncio.sleep(60 if items[0] < 0 else 0)
+            except asyncio.CancelledError:
+                cancelled.extend(items)
+                raise
+            return items
+
+        async with Batcher(work, max_batch=1, max_wait=0, queue_size=8, abandons=True) as batcher:
+            patient = submit(batcher, -1, key="a")
+            await settle()
+            with pytest.raises(DeadlineExceeded):
+                await batcher.submit(-1, 0.01, key="a")
+            assert not cancelled  # another still waits
+            patient.cancel()
+            assert (await batcher.submit(2, 30.0)).result == 2
+            assert cancelled == [-1]
+
+    run(test)
+
+
 def test_several_batches_at_once_where_there_are_slots() -> None:
     async def test() -> None:
         work = GatedWork()

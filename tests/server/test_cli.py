@@ -43,6 +43,23 @@ def test_check_prints_the_time_of_each_stage() -> None:
     assert all(milliseconds >= 0 for milliseconds in times.values())
 
 
+@pytest.mark.parametrize(
+    ("options", "status", "message"),
+    [
+        (("--announce", "no/such/folder/url"), 1, "--announce names a file in no/such/folder, which is no folder"),
+        (("--load-limit", "inf"), 2, "--load-limit takes at most 1000000 seconds, not inf"),
+        (("--planner-limit", "1e9"), 2, "--planner-limit takes at most"),
+        (("--max-frames", "10000"), 2, "Input should be less than or equal to 4096"),
+    ],
+)
+def test_an_option_that_cannot_be_followed_is_told_before_anything_begins(
+    options: tuple[str, ...], status: int, message: str
+) -> None:
+    got, output = invoke("serve", "--planner", "scripted", *options)
+    assert got == status
+    assert message in " ".join(output.split())
+
+
 @pytest.mark.parametrize("path", COMMANDS, ids=" ".join)
 def test_every_command_reads_a_settings_file(path: tuple[str, ...], tmp_path: Path) -> None:
     file = tmp_path / "server.yaml"

@@ -46,6 +46,8 @@ def attempt(**settings: object) -> None:
         ({"tls_cert": "cert.pem", "tls_key": "other-key.pem"}, "key values mismatch; both must be .* belong together"),
         ({"token_file": "none"}, "cannot read the tokens in none: No such file"),
         ({"tokens": "robots:short"}, "fewer than 16"),
+        ({"zenoh": "127.0.0.1:7447", "zenoh_connect": "router:7447"}, "reaches router .* or say --insecure"),
+        ({"max_held_bytes": 1000}, "--max-held-bytes .* may not be less than --max-body-bytes"),
     ],
 )
 def test_what_cannot_be_followed_is_told_in_one_line(settings: dict[str, object], message: str) -> None:
@@ -56,7 +58,13 @@ def test_what_cannot_be_followed_is_told_in_one_line(settings: dict[str, object]
 
 @pytest.mark.parametrize(
     ("settings", "message"),
-    [({"tls_key": "key.pem"}, "--tls-key needs --tls-cert"), ({"replica": "a/b"}, "replica"), ({"port": -1}, "port")],
+    [
+        ({"tls_key": "key.pem"}, "--tls-key needs --tls-cert"),
+        ({"replica": "a/b"}, "replica"),
+        ({"port": -1}, "port"),
+        ({"replica": "one"}, "--replica needs --zenoh"),
+        ({"zenoh_connect": "127.0.0.1:7447"}, "--zenoh-connect needs --zenoh"),
+    ],
 )
 def test_what_contradicts_itself_is_no_setting(settings: dict[str, object], message: str) -> None:
     with pytest.raises(ValidationError, match=message):

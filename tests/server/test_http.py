@@ -31,10 +31,12 @@ from thinknav_proto import (
     encode_embed_request,
     encode_requests,
 )
+from thinknav_server import status_page
 from thinknav_server.hosts import PlannerThread
 from thinknav_server.http import create_app
 from thinknav_server.intake import Intake
 from thinknav_server.planners import Script, ScriptedPlanner
+from thinknav_server.recent import Seen
 from thinknav_server.service import PlanningService
 from thinknav_server.settings import Settings
 from thinknav_server.tokens import Tokens
@@ -169,6 +171,19 @@ def test_a_body_that_cannot_be_read_gets_a_binary_error(
 FORM_START = b'--x\r\nContent-Disposition: form-data; name="frame"; filename="a.jpg"\r\n\r\n'
 
 
+@pytest.mark.parametrize("charset", ["punycode", "undefined", "none"])
+def test_a_form_in_an_encoding_that_it_is_not_in_is_refused(client: Client, charset: str) -> None:
+    content = (
+        b'--x\r\nContent-Disposition: form-data; name="goal"\r\n\r\nch\xffair\r\n'
+        + FORM_START
+        + JPEG
+        + b"\r\n--x--\r\n"
+    )
+    kind = f"multipart/form-data; boundary=x; charset={charset}"
+    response = client.post("/v1/subgoals", content=content, headers={"Content-Type": kind})
+    assert response.status_code == (200 if charset == "none" else 400), response.text
+
+
 @pytest.mark.parametrize("kind", [CONTENT_TYPE, "multipart/form-data; boundary=x"])
 def test_a_body_that_is_too_long_is_refused_while_it_arrives(client: Client, kind: str) -> None:
     sent = 0
@@ -299,6 +314,12 @@ def test_the_status_page_tells_people_how_it_goes(client: Client) -> None:
     assert '<td class="n">2</td><td class="n">1</td>' in page  # one batch of two
     assert "<img" not in page
     assert "--show-frames" in page
+
+
+def test_a_frame_that_no_picture_can_hold_does_not_break_the_page() -> None:
+    figure = status_page._figure(Seen(Frame.raw(np.zeros((1, 70_000, 3), np.uint8)), "chair", "go on", "robots"))
+    assert "Too long to be shown" in figure
+    assert "go on" in figure
 
 
 def test_frames_are_shown_only_where_that_is_asked_for() -> None:

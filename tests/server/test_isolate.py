@@ -1,6 +1,7 @@
 """A planner that chokes on one item answers all others."""
 
 from collections.abc import Sequence
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -80,6 +81,31 @@ def test_an_empty_answer_is_a_failure(plan: Plan) -> None:
 
     (answer,) = ask(Silent([], RuntimeError()), 1)
     assert isinstance(answer, PlannerFailed)
+
+
+@pytest.mark.parametrize("confidence", [1.0000001, -0.1, float("nan")])
+def test_a_confidence_that_no_reply_can_carry_fails_its_item_alone(confidence: float) -> None:
+    class Sure(Choosy):
+        def plan(self, items: Sequence[PlanItem]) -> Sequence[Plan | PlannerError]:
+            return [
+                Plan(("go on",), confidence if item.goal == "1" else cast(float, np.float32(0.5))) for item in items
+            ]
+
+    first, second = ask(Sure([], RuntimeError()), 2)
+    assert isinstance(first, Plan)
+    assert (first.instructions, type(first.confidence), first.confidence) == (("go on",), float, 0.5)
+    assert isinstance(second, PlannerFailed)
+    assert "confidence" in str(second)
+
+
+@pytest.mark.parametrize("answer", ["go on", ("go on",), Plan(cast(tuple[str, ...], (3,)))])
+def test_what_is_no_plan_is_a_failure(answer: Any) -> None:
+    class Blunt(Choosy):
+        def plan(self, items: Sequence[PlanItem]) -> Sequence[Plan | PlannerError]:
+            return [answer]
+
+    (told,) = ask(Blunt([], RuntimeError()), 1)
+    assert isinstance(told, PlannerFailed)
 
 
 def test_no_items_ask_nothing_of_the_planner() -> None:

@@ -15,6 +15,7 @@ from aiohttp import web
 
 from thinknav_models.clip import shipped_text_encoder
 from thinknav_proto import (
+    DeadlineExceeded,
     Frame,
     InvalidRequest,
     Overloaded,
@@ -46,6 +47,7 @@ class MockServer:
         self.unlisted: set[str] = set()
         self.script: list[int | str] = ["turn left"]
         self.guided = True
+        self.odd_page: bytes | None = None  # in place of the list of models
         self.bodies: list[dict[str, Any]] = []
         self.headers: list[dict[str, str]] = []
         self.at_once = 0
@@ -85,6 +87,8 @@ class MockServer:
         return runner
 
     async def _models(self, request: web.Request) -> web.Response:
+        if self.odd_page is not None:
+            return web.Response(status=502, body=self.odd_page, content_type="text/html", charset="utf-8")
         return web.json_response({"data": self.models})
 
     async def _complete(self, request: web.Request) -> web.Response:
@@ -238,6 +242,17 @@ def test_the_wrong_model_or_server_is_told_at_once(server: MockServer) -> None:
     server.listen_again()
 
 
+def test_a_list_of_models_that_is_none_is_told(server: MockServer) -> None:
+    server.models = None  # type: ignore[assignment]
+    with pytest.raises(ValueError, match="does not list its models"):
+        planner_of(server)
+
+
+def test_a_frame_longer_than_jpeg_knows_is_refused(server: MockServer) -> None:
+    with pytest.raises(InvalidRequest, match="cannot be sent as JPEG"):
+        ask(planner_of(server), PlanItem(np.zeros((1, 70_000, 3), np.uint8), "chair"))
+
+
 def test_a_model_that_is_served_but_not_listed_is_taken(server: MockServer) -> None:
     server.models = []
     server.unlisted = {"/models/qwen"}
@@ -268,8 +283,9 @@ def test_a_service_over_it_asks_many_at_once_but_not_more_than_it_may(server: Mo
     assert server.most_at_once == 4
 
 
+@pytest.mark.parametrize("odd_page", [None, b"d\xe9faillante"])
 def test_a_service_whose_server_goes_away_is_not_ready_until_it_is_back(
-    server: MockServer, monkeypatch: pytest.MonkeyPatch
+    server: MockServer, monkeypatch: pytest.MonkeyPatch, odd_page: bytes | None
 ) -> None:
     monkeypatch.setattr("thinknav_server.planners.openai._LOOK_AGAIN_S", 0.01)
     planner = planner_of(server)
@@ -282,7 +298,12 @@ def test_a_service_whose_server_goes_away_is_not_ready_until_it_is_back(
             (gone,) = await service.answer_each([request("1")])
             assert isinstance(gone, Unavailable)
             assert not service.ready
+            server.odd_page = odd_page
             await asyncio.to_thread(server.listen_again)
+            if odd_page is not None:
+                await asyncio.sleep(0.1)  # in which it is looked for some ten times
+                assert not service.ready
+                server.odd_page = None
             while not service.ready:
                 await asyncio.sleep(0.01)
             (answer,) = await service.answer_each([request("2")])
@@ -299,7 +320,7 @@ def test_a_call_ends_with_its_deadline(server: MockServer) -> None:
     async def test() -> None:
         async with asyncio.timeout(30), service:
             (late,) = await service.answer_each([request("1", deadline=0.1)])
-            assert isinstance(late, PlannerError)
+            assert isinstance(late, DeadlineExceeded)
             server.script = ["turn left"]
             (answer,) = await service.answer_each([request("2")])
             assert isinstance(answer, SubgoalReply)

@@ -185,6 +185,51 @@ def test_starting_again_is_tried_until_it_works(tmp_path: Path, caplog: pytest.L
     assert f"not while {obstacle} exists" in caplog.text
 
 
+def test_starting_again_is_tried_where_the_machine_has_no_room_for_a_process(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    async def test(process: PlannerProcess) -> None:
+        start, tries = subprocess.Popen, iter([True])
+
+        def popen(*arguments: Any, **options: Any) -> Any:
+            if next(tries, False):
+                raise OSError(12, "Cannot allocate memory")
+            return start(*arguments, **options)
+
+        monkeypatch.setattr(subprocess, "Popen", popen)
+        os.kill(process.pid, signal.SIGKILL)
+        while not (process.restarts and process.ready):
+            await asyncio.sleep(0.01)
+        assert len(await say(process, "bed")) == 1
+
+    run(process_of(), test)
+    assert "Cannot allocate memory" in caplog.text
+
+
+def test_texts_that_wait_for_others_have_their_whole_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    async def test(process: PlannerProcess) -> None:
+        sent: list[Kind] = []
+        ask = process._ask
+
+        def noting(kind: Kind, body: bytes) -> Any:
+            sent.append(kind)
+            return ask(kind, body)
+
+        monkeypatch.setattr(process, "_ask", noting)
+        several = [asyncio.create_task(process.embed(["find a chair"] * 200)) for _ in range(3)]
+        await asyncio.sleep(0)
+        await asyncio.sleep(0)
+        assert sent == [Kind.EMBED]  # the others wait for it here, and their clocks do not run yet
+        several[0].cancel()  # the process works on it all the same
+        several[1].cancel()  # that is never sent
+        await asyncio.sleep(0)
+        assert sent == [Kind.EMBED]
+        assert (await several[2]).shape == (200, 512)
+        assert sent == [Kind.EMBED] * 2
+
+    run(process_of(), test)
+
+
 def test_it_ends_at_once_though_the_planner_hangs() -> None:
     async def test(process: PlannerProcess) -> None:
         planning = asyncio.create_task(say(process, "hang"))

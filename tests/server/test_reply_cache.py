@@ -40,6 +40,15 @@ def test_another_question_has_another_key(other: dict[str, object]) -> None:
     assert question_key(request(**other)) != question_key(request())
 
 
+def test_a_goal_cannot_pass_for_a_goal_and_a_frame() -> None:
+    pixels = np.full((4, 4, 3), ord("0"), np.uint8)
+    pixels[-1, -1, -1] = 0
+    frame = Frame.raw(pixels)
+    said = f"{frame.encoding} {frame.width} {frame.height} {frame.heading!r} {len(frame.data)}\0{frame.data.decode()}"
+    one, other = request(frame=frame, recent=(frame,)), request(frame=frame, goal=f"chair\0{said[:-1]}")
+    assert question_key(one) != question_key(other)
+
+
 def test_views_are_told_apart_by_their_headings() -> None:
     left, right = (request(recent=(Frame.raw(RGB, heading=heading),)) for heading in (0.5, -0.5))
     assert question_key(left) != question_key(right)

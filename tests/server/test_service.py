@@ -1,6 +1,7 @@
 """The service without HTTP: admission, batching, planning and embedding, item by item."""
 
 import asyncio
+import threading
 from collections.abc import Coroutine, Sequence
 from typing import Any, TypeVar
 
@@ -15,6 +16,7 @@ from thinknav_proto import (
     Frame,
     InvalidRequest,
     Limits,
+    Overloaded,
     PlannerError,
     PlannerFailed,
     SubgoalReply,
@@ -158,6 +160,30 @@ def test_texts_are_embedded_within_limits() -> None:
         within(service, service.embed(EmbedRequest(texts=("a", "b", "c", "d"))))
     with pytest.raises(InvalidRequest, match="text 1 has 21 characters"):
         within(service, service.embed(EmbedRequest(texts=("a", "b" * 21))))
+
+
+def test_more_texts_than_may_wait_are_refused() -> None:
+    free = threading.Event()
+
+    class Slow:
+        space, dimension = shipped_text_encoder().space, 512
+
+        def encode(self, texts: Sequence[str]) -> NDArray[np.float32]:
+            assert free.wait(10)
+            return shipped_text_encoder().encode(texts)
+
+    async def test(service: PlanningService) -> None:
+        one = EmbedRequest(texts=("find a chair",))
+        waiting = [asyncio.create_task(service.embed(one)) for _ in range(SETTINGS.queue_size)]
+        await asyncio.sleep(0)
+        with pytest.raises(Overloaded, match="8 requests wait for embeddings"):
+            await service.embed(one)
+        free.set()
+        await asyncio.gather(*waiting)
+        await service.embed(one)
+
+    service = PlanningService(PlannerThread(Recording(), Slow()), SETTINGS)
+    within(service, test(service))
 
 
 def test_the_service_says_who_it_is() -> None:

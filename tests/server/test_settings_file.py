@@ -55,6 +55,7 @@ def test_one_file_may_serve_two_commands(tmp_path: Path) -> None:
     assert run(tmp_path, text) == (0, "2 nobody False None\n")
     assert run(tmp_path, text, "two") == (0, "y []\n")
     assert run(tmp_path, "many: [a, b]\n", "two") == (0, "x ['a', 'b']\n")
+    assert run(tmp_path, "many: a=1\n", "two") == (0, "x ['a=1']\n")
 
 
 @pytest.mark.parametrize(

@@ -65,7 +65,8 @@ class Batcher(Generic[Item, Result]):
     max_wait: seconds an item may wait for others, while a slot is free; no longer than until as many have come as
         there were lately, so that whoever is alone does not wait. queue_size: items that wait at most.
     slots: batches that are worked on at once. ahead: full batches that `work` is given before a slot is free for them,
-        to prepare them; their items count as waiting. on_batch: told the size and seconds of each batch.
+        to prepare them; their items count as waiting. abandons: whether work is cancelled that nobody waits for any
+        more. on_batch: told the size and seconds of each batch.
     """
 
     def __init__(
@@ -77,6 +78,7 @@ class Batcher(Generic[Item, Result]):
         queue_size: int,
         slots: int = 1,
         ahead: int = 0,
+        abandons: bool = False,
         on_batch: Callable[[int, float], None] = _ignore_batch,
     ) -> None:
         self._work = work
@@ -86,6 +88,7 @@ class Batcher(Generic[Item, Result]):
         self._slots = slots
         # What is given away ahead cannot make room for others: at least a batch is kept where it can.
         self._ahead = min(ahead, max(0, queue_size // max_batch - 1))
+        self._abandons = abandons
         self._on_batch = on_batch
         self._queue: FairQueue[_Job[Item, Result]] = FairQueue()
         self._by_key: dict[Hashable, _Job[Item, Result]] = {}  # those that wait and those being worked on
@@ -144,9 +147,15 @@ class Batcher(Generic[Item, Result]):
             patience.cancel()
             job.askers.discard(asker)
             if not job.askers:  # and nobody else waits for it
-                self._queue.discard(job.client, job)
-                self._forget(job)
+                self._abandon(job)
         return Batched(answer.result, answer.queued, shared=True) if shared else answer
+
+    def _abandon(self, job: _Job[Item, Result]) -> None:
+        self._queue.discard(job.client, job)
+        self._forget(job)
+        for task, batch in self._serving.items():
+            if self._abandons and job in batch.jobs and not any(other.askers for other in batch.jobs):
+                task.cancel()
 
     def _enqueue(self, item: Item, client: str, key: Hashable | None) -> _Job[Item, Result]:
         job: _Job[Item, Result] = _Job(item, client, key)

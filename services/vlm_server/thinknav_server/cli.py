@@ -69,6 +69,8 @@ def serve(
     if until_eof:
         stop_at_end_of_input()
     configure_logs(process.log_level, process.log_format)
+    if announce and not announce.parent.is_dir():
+        raise refused(f"--announce names a file in {announce.parent}, which is no folder")
     try:
         settings = Settings(
             max_batch=max_batch,

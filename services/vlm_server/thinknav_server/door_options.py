@@ -7,6 +7,7 @@ from typing import Annotated
 import typer
 
 from thinknav_proto import Limits
+from thinknav_proto.codec import MAX_ARRAY_LENGTH
 from thinknav_server.settings import DEFAULT_LIMITS, DoorSettings
 
 _DOORS = DoorSettings()
@@ -56,7 +57,9 @@ def door_settings(
 
 def accepted_limits(
     max_body_bytes: Annotated[int, typer.Option(min=1, help="Of one body.")] = DEFAULT_LIMITS.max_body_bytes,
-    max_frames: Annotated[int, typer.Option(min=1, help="Frames in one body.")] = DEFAULT_LIMITS.max_frames,
+    max_frames: Annotated[
+        int, typer.Option(min=1, max=MAX_ARRAY_LENGTH, help="Frames in one body.")
+    ] = DEFAULT_LIMITS.max_frames,
     max_pixels: Annotated[int, typer.Option(min=1, help="Of one frame.")] = DEFAULT_LIMITS.max_pixels,
     max_text_length: Annotated[
         int, typer.Option(min=1, help="Characters of a goal or a text.")

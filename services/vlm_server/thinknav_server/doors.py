@@ -29,6 +29,8 @@ class Doors:
 
 def open_doors(service: PlanningService, settings: DoorSettings) -> Doors:
     """Raises ValueError or OSError with one line that says what to do."""
+    if settings.max_held_bytes < service.info.limits.max_body_bytes:
+        raise ValueError("--max-held-bytes is of all bodies, and may not be less than --max-body-bytes, of one")
     tokens = load_tokens(settings.token_file, settings.tokens)
     tls = tls_context(settings.tls_cert, settings.tls_key) if settings.tls_cert else None
     intake = Intake(service.info.limits.max_body_bytes, settings.max_held_bytes, settings.body_timeout)

@@ -5,6 +5,8 @@
 `frame` may be given several times; the other fields hold for all of them.
 """
 
+from contextlib import AsyncExitStack
+
 from pydantic import ValidationError
 from starlette.datastructures import FormData, UploadFile
 from starlette.requests import Request
@@ -18,9 +20,15 @@ _NUMBER_FIELDS = ("temperature", "deadline")
 
 async def read_form(request: Request, limits: Limits) -> list[SubgoalRequest | PlannerError]:
     """One request for each frame of the form, in order. Raises InvalidRequest for a form it cannot read."""
-    async with request.form(
-        max_files=limits.max_frames, max_fields=16, max_part_size=4 * limits.max_text_length + 1024
-    ) as form:
+    async with AsyncExitStack() as opened:
+        try:
+            form = await opened.enter_async_context(
+                request.form(
+                    max_files=limits.max_frames, max_fields=16, max_part_size=4 * limits.max_text_length + 1024
+                )
+            )
+        except UnicodeError:
+            raise InvalidRequest("the form's text is not in the encoding that it names; use UTF-8") from None
         files = [value for value in form.getlist("frame") if isinstance(value, UploadFile)]
         if not files:
             raise InvalidRequest("the form needs at least one file 'frame' (curl: -F frame=@view.jpg)")

@@ -10,27 +10,38 @@ MAX_HEAD_BYTES = 64 * 1024
 
 
 class BoundedHttpProtocol(HttpToolsProtocol):
-    """Hangs up on a request whose first line and headers do not end: httptools would read on and keep them all."""
+    """Hangs up on a request whose first line and headers, or trailers, do not end: httptools would keep them all."""
 
     _in_head = False
-    _head_bytes = 0
+    _came_to_something = False  # a head, a part of a body or a request that ended, in what was received last
+    _fruitless_bytes = 0  # since then
 
     def on_message_begin(self) -> None:
+        self._in_head, self._fruitless_bytes = True, 0
         super().on_message_begin()
-        self._in_head = True
-        self._head_bytes = 0
 
     def on_headers_complete(self) -> None:
-        self._in_head = False
+        self._in_head, self._came_to_something = False, True
         super().on_headers_complete()
 
+    def on_body(self, body: bytes) -> None:
+        self._came_to_something = True
+        super().on_body(body)
+
+    def on_message_complete(self) -> None:
+        self._came_to_something = True
+        super().on_message_complete()
+
     def data_received(self, data: bytes) -> None:
+        self._came_to_something = False
         super().data_received(data)
-        if not self._in_head:
-            return
-        self._head_bytes += len(data)  # at most a packet too much, where another request came before in it
-        if self._head_bytes > MAX_HEAD_BYTES and not self.transport.is_closing():
+        self._fruitless_bytes = 0 if self._came_to_something else self._fruitless_bytes + len(data)
+        if self._fruitless_bytes > MAX_HEAD_BYTES and not self.transport.is_closing():
+            self._hang_up()
+
+    def _hang_up(self) -> None:
+        if self._in_head:  # otherwise there may have been an answer already
             reason = f"the headers are longer than {MAX_HEAD_BYTES} bytes".encode()
             head = b"content-type: text/plain; charset=utf-8\r\ncontent-length: %d\r\nconnection: close\r\n\r\n"
             self.transport.write(STATUS_LINE[431] + head % len(reason) + reason)
-            self.transport.close()
+        self.transport.close()

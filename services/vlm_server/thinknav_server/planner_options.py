@@ -22,6 +22,8 @@ _SCRIPTED = ScriptedOptions()
 _QWEN = QwenOptions()
 _OPENAI = OpenAIOptions()
 _PROCESS = ProcessSettings()
+# What sockets take for a time-out, and more than anybody waits.
+_LONGEST_LIMIT_S = 1_000_000
 
 
 class Decode(StrEnum):
@@ -150,6 +152,9 @@ def process_settings(
     log_format: Annotated[LogFormat, typer.Option(help="Lines for people, or JSON.")] = _PROCESS.log_format,
 ) -> ProcessSettings:
     """The planner's process, and the log."""
+    for name, limit in (("--planner-limit", planner_limit), ("--load-limit", load_limit)):
+        if not limit <= _LONGEST_LIMIT_S:
+            raise typer.BadParameter(f"{name} takes at most {_LONGEST_LIMIT_S} seconds, not {limit:g}")
     return ProcessSettings(planner_limit, load_limit, log_level, log_format)
 
 

@@ -11,7 +11,8 @@ def question_key(request: SubgoalRequest) -> bytes | None:
     """32 bytes, equal for requests that ask the same; None for one whose answer is drawn at random."""
     if request.temperature > 0:
         return None
-    digest = hashlib.sha256(f"{request.mode}\0{request.goal}\0".encode())
+    goal = request.goal.encode()
+    digest = hashlib.sha256(f"{request.mode} {len(goal)}\0".encode() + goal)
     for frame in request.frames:
         head = f"{frame.encoding} {frame.width} {frame.height} {frame.heading!r} {len(frame.data)}\0"
         digest.update(head.encode())

@@ -14,6 +14,7 @@ from thinknav_proto import (
     PROTOCOL_VERSION,
     EmbedReply,
     EmbedRequest,
+    Overloaded,
     PlannerError,
     PlannerInfo,
     SubgoalReply,
@@ -64,9 +65,11 @@ class PlanningService:
             queue_size=settings.queue_size,
             slots=host.slots,
             ahead=host.ahead,
+            abandons=host.abandons,
             on_batch=self._on_batch,
         )
         self._in_flight = 0
+        self._embedding = 0  # requests for embeddings
         self._idle = asyncio.Event()
         self._idle.set()
         self._draining = False
@@ -125,9 +128,10 @@ class PlanningService:
         if batched.shared:
             self.metrics.saved("shared")
         thought = batched.result
-        self._cache.put(key, thought)
         timings = Timings(queued=max(0.0, batched.queued), planned=thought.planned, embedded=thought.embedded)
-        return self._reply(request, thought, timings)
+        reply = self._reply(request, thought, timings)
+        self._cache.put(key, thought)
+        return reply
 
     async def answer_each(
         self, requests: Sequence[SubgoalRequest | PlannerError], caller: Caller = ANONYMOUS
@@ -146,10 +150,16 @@ class PlanningService:
         return answers
 
     async def embed(self, request: EmbedRequest) -> EmbedReply:
-        """The embeddings of texts. Raises InvalidRequest for too many or too long ones."""
+        """The embeddings of texts. Raises InvalidRequest for too many or too long ones, Overloaded behind too many."""
         texts = admit_texts(request, self.info.limits)
         self._check_ready()
-        embeddings = await self._host.embed(texts)
+        if self._embedding >= self._settings.queue_size:
+            raise Overloaded(f"{self._embedding} requests wait for embeddings", retry_after=1.0)
+        self._embedding += 1
+        try:
+            embeddings = await self._host.embed(texts)
+        finally:
+            self._embedding -= 1
         return EmbedReply(embedding_space=self.info.embedding_space, embeddings=embeddings)
 
     async def _answer_or_error(

@@ -73,4 +73,8 @@ class DoorSettings(BaseModel):
     def _complete(self) -> Self:
         if self.tls_key and not self.tls_cert:
             raise ValueError("--tls-key needs --tls-cert: the certificate that the key belongs to")
+        if self.zenoh is None:
+            for option, given in (("--zenoh-connect", self.zenoh_connect), ("--replica", self.replica)):
+                if given:
+                    raise ValueError(f"{option} needs --zenoh: the address to answer on")
         return self

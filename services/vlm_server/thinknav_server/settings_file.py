@@ -36,6 +36,10 @@ def _read(context: typer.Context, path: Path | None) -> Path | None:
             close = difflib.get_close_matches(name, known, n=1)
             hint = f"; did you mean {close[0]!r}?" if close else ""
             raise typer.BadParameter(f"{path}: there is no option {name!r}{hint}")
+    several = {parameter.name for parameter in context.command.params if getattr(parameter, "multiple", False)}
+    for name in several & settings.keys():
+        if not isinstance(settings[name], list):
+            settings[name] = [settings[name]]
     context.default_map = {**settings, **(context.default_map or {})}
     return path
 

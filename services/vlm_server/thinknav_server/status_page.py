@@ -111,8 +111,12 @@ def _frames(recent: Recent) -> str:
 
 def _figure(seen: Seen) -> str:
     when = time.strftime("%H:%M:%S", time.localtime(seen.at))
+    try:
+        picture = f'<img alt="frame" src="{_data_uri(seen.frame)}">'
+    except ValueError:  # a side longer than JPEG knows
+        picture = '<p class="quiet">Too long to be shown.</p>'
     return (
-        f'<figure><img alt="frame" src="{_data_uri(seen.frame)}"><figcaption><b>{escape(seen.subgoal)}</b>'
+        f"<figure>{picture}<figcaption><b>{escape(seen.subgoal)}</b>"
         f"<span>{escape(seen.goal)}, {escape(seen.client)}, {when}</span></figcaption></figure>"
     )
 

@@ -36,8 +36,8 @@ logger = logging.getLogger(__name__)
 
 Handler = Callable[[bytes, Caller], Awaitable[bytes]]
 
-# Seconds that queries in progress are given to end when the door closes.
-GRACE_S = 10.0
+# Seconds that queries in progress are given to end when the door closes; the service has waited for subgoals by then.
+GRACE_S = 2.0
 # Seconds between two looks at whether the service is ready.
 _READINESS_S = 0.1
 # Replying waits for the client's socket, so it is done beside the event loop; a client that has stopped reading

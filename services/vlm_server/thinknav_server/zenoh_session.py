@@ -1,5 +1,6 @@
 """Opens the zenoh session that a service answers on: addresses, TLS, users. Knows nothing of queries."""
 
+import ipaddress
 import json
 import os
 import socket
@@ -24,6 +25,12 @@ def open_session(settings: DoorSettings, tokens: Tokens, max_body_bytes: int) ->
     check_exposure(_resolve(host), tokens, settings.tls_cert is not None, settings.insecure)
     scheme = "tls" if settings.tls_cert else "tcp"
     others = [_address(other, "--zenoh-connect") for other in settings.zenoh_connect.split(",") if other.strip()]
+    strangers = [other for other, _ in others if not _is_here(other)]
+    if strangers and not tokens and not settings.insecure:
+        raise ValueError(
+            f"whoever reaches {strangers[0]} may ask the planner through it; name the clients that may with "
+            "--token-file, or say --insecure"
+        )
     values: dict[str, object] = {
         "mode": "peer",
         "listen/endpoints": [f"{scheme}/{host}:{port}"],
@@ -71,6 +78,14 @@ def _address(text: str, option: str) -> tuple[str, int]:
     if not (colon and host and port.isdigit() and 0 < int(port) < 65536):
         raise ValueError(f"{option} takes HOST:PORT such as 127.0.0.1:7447, not {text.strip()!r}")
     return host, int(port)
+
+
+def _is_here(host: str) -> bool:
+    """Whether an address is this machine's loopback; a name that need not be known yet is not asked for."""
+    try:
+        return ipaddress.ip_address(host.strip("[]")).is_loopback
+    except ValueError:
+        return host == "localhost"
 
 
 def _resolve(host: str) -> str:

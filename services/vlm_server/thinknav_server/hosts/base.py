@@ -45,6 +45,10 @@ class Host(Protocol):
         """Requests that it takes at once, if it sets a limit of its own."""
 
     @property
+    def abandons(self) -> bool:
+        """Whether it stops working on what it is asked when it is cancelled, rather than finishing in vain."""
+
+    @property
     def ready(self) -> bool:
         """Whether it can be asked now."""
 

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thinknav_models import TextEncoder
-from thinknav_proto import PlannerError, PlannerFailed
+from thinknav_proto import PlannerError
 from thinknav_server.caller import Trace
 from thinknav_server.hosts.base import Identity
 from thinknav_server.images import PixelMemory
@@ -37,6 +37,7 @@ class PlannerInLoop:
     """concurrency: calls to the planner at once."""
 
     batch_limit = 1
+    abandons = True
     ahead = 0
     restarts = 0
 
@@ -71,12 +72,9 @@ class PlannerInLoop:
         if isinstance(item, PlannerError):
             return item
         try:
-            async with asyncio.timeout(question.request.deadline):  # nobody waits for longer
-                plan = await self._planner.plan(item, question.trace)
+            plan = await self._planner.plan(item, question.trace)
         except PlannerError as error:
             return error.as_value()
-        except TimeoutError:
-            return PlannerFailed(f"no answer within the request's deadline of {question.request.deadline:g} s")
         if isinstance(plan, PlannerError):
             return plan
         planned = loop.time()

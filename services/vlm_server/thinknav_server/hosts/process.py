@@ -60,6 +60,7 @@ class PlannerProcess:
     slots = 1
     ahead = 1
     batch_limit = None
+    abandons = False
 
     def __init__(self, options: PlannerOptions, settings: ProcessSettings | None = None) -> None:
         self._settings = settings or ProcessSettings()
@@ -96,7 +97,8 @@ class PlannerProcess:
 
     async def __aenter__(self) -> Self:
         reader, self._writer = await asyncio.open_connection(sock=self._child.connection)
-        self._turn = asyncio.Lock()
+        self._turn, self._embedding = asyncio.Lock(), asyncio.Lock()
+        self._embedder: asyncio.Task[NDArray[np.float32]] | None = None
         self._ready = True
         self._keeper = asyncio.create_task(self._keep_alive(reader), name="planner-process")
         return self
@@ -104,8 +106,10 @@ class PlannerProcess:
     async def __aexit__(self, *_: object) -> None:
         self._ready = False
         self._child.kill()  # and with it a thread that waits for it to load
-        self._keeper.cancel()
-        await asyncio.gather(self._keeper, return_exceptions=True)
+        ending = [task for task in (self._keeper, self._embedder) if task is not None]
+        for task in ending:
+            task.cancel()
+        await asyncio.gather(*ending, return_exceptions=True)
         await asyncio.to_thread(self.close)
 
     async def think(self, questions: Sequence[Question]) -> Sequence[Thought | PlannerError]:
@@ -117,8 +121,20 @@ class PlannerProcess:
         return thoughts
 
     async def embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
+        """One after another: the process does no more at once, and the limit is for its work and not for a queue."""
+        await self._embedding.acquire()
+        self._embedder = asyncio.create_task(self._embed(texts), name="planner-embed")
+        self._embedder.add_done_callback(self._embedded)
+        return await asyncio.shield(self._embedder)  # the process goes on, though nobody may wait for it any more
+
+    async def _embed(self, texts: Sequence[str]) -> NDArray[np.float32]:
         with self._ask(Kind.EMBED, pack_texts(texts)) as call:
             return unpack_embeddings(await self._answer(call), self.identity.dimension)
+
+    def _embedded(self, task: "asyncio.Task[NDArray[np.float32]]") -> None:
+        self._embedding.release()
+        if not task.cancelled():
+            task.exception()  # which nobody may have waited for
 
     @contextlib.contextmanager
     def _ask(self, kind: Kind, body: bytes) -> Iterator["_Call"]:
@@ -191,10 +207,10 @@ class PlannerProcess:
         while True:
             await asyncio.sleep(pause)
             began = time.monotonic()
-            self._child = _Child()
             try:
+                self._child = _Child()
                 identity = await asyncio.to_thread(self._child.load, self._boot, self._settings.load_limit)
-            except ValueError as error:
+            except (OSError, ValueError) as error:  # the machine may have no room for another process yet
                 problem = str(error)
             else:
                 if identity == self.identity:
@@ -222,13 +238,15 @@ class _Child:
 
     def __init__(self) -> None:
         self.connection, theirs = socket.socketpair()
-        with theirs:
+        with theirs, contextlib.ExitStack() as undo:
+            undo.callback(self.connection.close)
             self.process = subprocess.Popen(
                 [sys.executable, "-P", "-m", "thinknav_server.hosts.child", str(theirs.fileno())],
                 pass_fds=(theirs.fileno(),),
                 stdin=subprocess.DEVNULL,
                 stdout=_STANDARD_ERROR,  # what the service writes to its own standard output is read by programs
             )
+            undo.pop_all()
 
     def load(self, boot: bytes, limit: float) -> Identity:
         """Who was loaded, after at most `limit` seconds. Raises ValueError."""

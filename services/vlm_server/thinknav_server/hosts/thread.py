@@ -27,6 +27,7 @@ class PlannerThread:
     slots = 1
     ahead = 0
     batch_limit = None
+    abandons = False
     restarts = 0
 
     def __init__(self, planner: Planner, text_encoder: TextEncoder) -> None:

@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Sequence
+from dataclasses import replace
 
 from thinknav_proto import PlannerError, PlannerFailed
 from thinknav_server.planners.base import Plan, PlanItem, Planner
@@ -48,6 +49,18 @@ def _failure(error: Exception) -> PlannerError:
 
 
 def _checked(answer: Plan | PlannerError) -> Plan | PlannerError:
-    if isinstance(answer, Plan) and not (answer.instructions and all(answer.instructions)):
+    """The answer, or a failure in place of one that no reply could carry."""
+    if isinstance(answer, PlannerError):
+        return answer
+    if not isinstance(answer, Plan):
+        return PlannerFailed(f"the planner gave a {type(answer).__name__} where a Plan is due")
+    if not (answer.instructions and all(answer.instructions)):
         return PlannerFailed("the planner gave an empty answer")
-    return answer
+    if not all(isinstance(instruction, str) for instruction in answer.instructions):
+        return PlannerFailed("the planner gave instructions that are no text")
+    if answer.confidence is None:
+        return answer
+    confidence = float(answer.confidence)  # a planner's own may be of NumPy, which does not travel
+    if not 0 <= confidence <= 1:
+        return PlannerFailed(f"the planner gave a confidence of {confidence}, which is not within 0 and 1")
+    return replace(answer, instructions=tuple(answer.instructions), confidence=confidence)

@@ -17,7 +17,7 @@ import numpy as np
 import simplejpeg
 from numpy.typing import NDArray
 
-from thinknav_proto import PlannerError, Unavailable
+from thinknav_proto import InvalidRequest, PlannerError, Unavailable
 from thinknav_server.caller import Trace
 from thinknav_server.planners.base import Plan, PlanItem, PlannerIdentity
 from thinknav_server.planners.options import OpenAIOptions
@@ -125,10 +125,11 @@ class OpenAIPlanner:
         """Notices when a server that was gone is back."""
         while True:
             await asyncio.sleep(_LOOK_AGAIN_S)
-            if not self.reachable:
-                with suppress(PlannerError):
-                    await self._upstream.models()
-                    self.reachable = True
+            if self.reachable:
+                continue
+            with suppress(PlannerError):
+                await self._upstream.models()
+                self.reachable = True
 
 
 def _schema(item: PlanItem) -> dict[str, object]:
@@ -154,5 +155,8 @@ def _unwrapped(text: str) -> str:
 
 
 def _data_uri(frame: NDArray[np.uint8]) -> str:
-    jpeg = simplejpeg.encode_jpeg(np.ascontiguousarray(frame), quality=_JPEG_QUALITY)
+    try:
+        jpeg = simplejpeg.encode_jpeg(np.ascontiguousarray(frame), quality=_JPEG_QUALITY)
+    except ValueError as error:  # a side longer than JPEG knows
+        raise InvalidRequest(f"the frame cannot be sent as JPEG: {error}") from None
     return f"data:image/jpeg;base64,{base64.b64encode(jpeg).decode()}"

@@ -57,8 +57,10 @@ class Upstream:
 
     async def models(self) -> list[dict[str, Any]]:
         """What the server serves. Raises Unavailable or PlannerFailed."""
-        listed = await self._call("GET", "/models", None, {})
-        return [model for model in listed.get("data", []) if isinstance(model, dict) and "id" in model]
+        listed = (await self._call("GET", "/models", None, {})).get("data")
+        if not isinstance(listed, list):
+            raise PlannerFailed(f"{self._url} does not list its models like an OpenAI-compatible server")
+        return [model for model in listed if isinstance(model, dict) and "id" in model]
 
     async def complete(self, body: Mapping[str, object], headers: Mapping[str, str]) -> str:
         """The text of a chat completion. Raises Unavailable, Overloaded, PlannerFailed, or Refused with its status."""
@@ -91,7 +93,8 @@ class Upstream:
         """The answer, or why the server was not reached; raises for what must not be tried again."""
         try:
             async with self._session.request(method, self._url + path, json=body, headers=headers) as response:
-                return _Answer(response.status, await response.text(), response.headers.get("Retry-After"))
+                text = await response.text(errors="replace")  # a proxy's error page may be in any encoding
+                return _Answer(response.status, text, response.headers.get("Retry-After"))
         except (aiohttp.ClientConnectorError, aiohttp.ConnectionTimeoutError) as error:
             return Unavailable(f"no model server at {self._url} ({error})")
         except TimeoutError:
