@@ -71,6 +71,7 @@ class ObjectNavEnv(gymnasium.Env[dict[str, NDArray[Any]], np.int64]):
         self.render_mode = render_mode
         self._next_is_ready = False
         self._needs_reset = True
+        self._last_frame: NDArray[np.uint8]
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -92,6 +93,7 @@ class ObjectNavEnv(gymnasium.Env[dict[str, NDArray[Any]], np.int64]):
         observations, rewards, terminations, truncations, infos = self.vector_env.step([int(action)])
         self._next_is_ready = self._needs_reset = bool(infos["_episode"][0])
         observation = infos["final_obs"][0] if self._needs_reset else _first(observations)
+        self._last_frame = observation["rgb"]
         info: dict[str, Any] = {
             "reward_terms": {name: float(term[0]) for name, term in infos["reward_terms"].items()},
             "distance_to_goal": float(infos["distance_to_goal"][0]),
@@ -105,6 +107,8 @@ class ObjectNavEnv(gymnasium.Env[dict[str, NDArray[Any]], np.int64]):
         """What the agent sees, (H, W, 3), if made with render_mode "rgb_array"."""
         if self.render_mode is None:
             return None
+        if self._next_is_ready:  # the vector env has gone on, but not its user
+            return self._last_frame.copy()
         config = self.vector_env.config
         frame: NDArray[np.uint8] = self.vector_env.frames([0], config.width, config.height)[0]
         return frame

@@ -72,6 +72,13 @@ class ObjectNavWorld:
         self.renderer = renderer
         self.episodes = tuple(episodes)
         self.prepared: list[PreparedScene] = []
+        try:
+            self._prepare_all(scenes)
+        except BaseException:
+            self.close()
+            raise
+
+    def _prepare_all(self, scenes: Sequence[Scene]) -> None:
         index_of: dict[str, int] = {}
         for index, scene in enumerate(scenes):
             if index_of.setdefault(scene.name, index) != index:

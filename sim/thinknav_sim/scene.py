@@ -14,6 +14,8 @@ GOAL_CATEGORIES: tuple[str, ...] = ("chair", "bed", "plant", "toilet", "tv_monit
 
 # A home is some tens of metres wide; a larger one was given in other units (millimetres, say).
 MAX_EXTENT_M = 1_000.0
+# Texture coordinates beyond this have no digits left, as float32, for a place on the texture.
+MAX_UV = 1e6
 
 
 class SceneError(ValueError):
@@ -61,7 +63,8 @@ class Scene:
     triangles: (T, 3) int32, indices into vertices; either winding order.
     colors: (V, 3) uint8 sRGB, one for each vertex, lighting included; interpolated over each triangle.
     triangle_objects: (T,) int32, the object_id that a triangle belongs to, -1 for the building and clutter.
-    level_floors: each floor has one height. Not so in scans, where the grid follows a floor over its steps.
+    level_floors: each floor has one height, and objects fill the footprints of their boxes. Not so in scans, where the
+        grid follows a floor over its steps.
     floors: heights of the walkable floors, metres.
     textures: images (H, W, 3) uint8 sRGB, row 0 at v = 0. A textured triangle has its texture's nearest texel alone for
     a colour, and textures repeat.
@@ -120,6 +123,8 @@ class Scene:
                 raise SceneError(f"scene {self.name!r}: texture {index} has no texels")
         if not np.isfinite(self.uv).all():
             raise SceneError(f"scene {self.name!r} has texture coordinates (uv) that are NaN or infinite")
+        if np.abs(self.uv).max(initial=0) > MAX_UV:
+            raise SceneError(f"scene {self.name!r} has texture coordinates (uv) beyond {MAX_UV:g}, which name no texel")
         low, high = int(self.triangle_textures.min()), int(self.triangle_textures.max())
         if low < -1 or high >= len(self.textures):
             wrong = low if low < -1 else high
@@ -142,6 +147,11 @@ class Scene:
     def bounds(self) -> Box:
         """The box around all vertices."""
         return Box(self.vertices.min(axis=0).astype(np.float64), self.vertices.max(axis=0).astype(np.float64))
+
+    def triangles_of(self, object_id: int) -> NDArray[np.float32]:
+        """The corners (T, 3, 3) of an object's triangles, metres."""
+        corners: NDArray[np.float32] = self.vertices[self.triangles[self.triangle_objects == object_id]]
+        return corners
 
     def objects_of(self, category: str) -> tuple[ObjectInstance, ...]:
         """The instances of a category, in the order of their ids."""

@@ -104,6 +104,12 @@ def test_render_gives_what_the_agent_sees(
 ) -> None:
     observation, _ = env.reset()
     np.testing.assert_array_equal(env.render(), observation["rgb"])
+    observation = env.step(Action.TURN_LEFT)[0]
+    np.testing.assert_array_equal(env.render(), observation["rgb"])
+    observation = env.step(Action.STOP)[0]
+    np.testing.assert_array_equal(env.render(), observation["rgb"])
+    observation, _ = env.reset()
+    np.testing.assert_array_equal(env.render(), observation["rgb"])
     silent = ObjectNavEnv([divided_room], episodes, SMALL)
     silent.reset()
     assert silent.render() is None

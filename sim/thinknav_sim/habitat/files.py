@@ -61,7 +61,7 @@ def _read_json(path: Path) -> Any:
         return json.loads(gzip.decompress(data) if data.startswith(_GZIP_MAGIC) else data)
     except (EOFError, gzip.BadGzipFile, zlib.error) as error:
         raise EpisodeFileError(f"{path} is not a whole gzip file: {error}") from None
-    except (json.JSONDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # not JSON, not text, or numbers and nesting without measure
         raise EpisodeFileError(f"{path} is not JSON: {error}") from None
     except OSError as error:
         raise EpisodeFileError(f"{path} cannot be read: {error.strerror or error}") from None

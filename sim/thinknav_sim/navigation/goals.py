@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from thinknav_sim.navigation.footprint import apart_from_box, apart_from_triangles
 from thinknav_sim.navigation.geodesic import distance_field, march
 from thinknav_sim.navigation.grid import NavigationGrid
 from thinknav_sim.navigation.visibility import sees_points, surface_points
@@ -62,7 +63,7 @@ def find_goal(
     found = []
     for instance in scene.objects_of(category):
         points = surface_points(scene, instance.object_id)
-        near = _Window(grid, instance, success_distance)
+        near = _Window(scene, grid, instance, success_distance)
         eyes = near.positions()
         eyes[:, 1] += camera_height
         seen = sees_points(renderer, scene_id, scene.triangle_objects, eyes, points, instance.object_id)
@@ -78,7 +79,7 @@ def find_goal(
 class _Window:
     """The part of a grid around an object; what lies beyond is farther from it than the success distance."""
 
-    def __init__(self, grid: NavigationGrid, instance: ObjectInstance, reach: float) -> None:
+    def __init__(self, scene: Scene, grid: NavigationGrid, instance: ObjectInstance, reach: float) -> None:
         limits = np.stack([instance.box.low - reach, instance.box.high + reach])
         (row0, row1), (col0, col1) = grid.cells(limits)
         self.grid = grid
@@ -87,9 +88,11 @@ class _Window:
         self.navigable = grid.navigable[self.rows, self.cols]
         rows, cols = np.indices(self.navigable.shape)
         centers = grid.positions(rows + self.rows.start, cols + self.cols.start)
-        outside = np.maximum(instance.box.low - centers, centers - instance.box.high)[..., [0, 2]]
-        # Horizontal distance to the box's footprint.
-        self.apart: NDArray[np.float64] = np.linalg.norm(np.maximum(outside, 0.0), axis=-1)
+        # Horizontal distance to the object's footprint.
+        self.apart = apart_from_box(centers, instance.box)
+        near = self.navigable & (self.apart <= reach)
+        if not scene.level_floors:  # what stands in a scan stands at any angle, and its box has empty corners
+            self.apart[near] = apart_from_triangles(centers[near], scene.triangles_of(instance.object_id))
         self.near = self.navigable & (self.apart <= reach)
         self.centers = centers
 

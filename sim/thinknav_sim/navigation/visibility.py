@@ -18,7 +18,7 @@ def surface_points(scene: Scene, object_id: int, count: int = SURFACE_POINTS) ->
 
     (0, 3) for an object of which the scene has no triangles: nobody can see it.
     """
-    corners = scene.vertices[scene.triangles[scene.triangle_objects == object_id]].astype(np.float64)
+    corners = scene.triangles_of(object_id).astype(np.float64)
     if not len(corners):
         return np.empty((0, 3))
     edges = corners[:, 1:] - corners[:, :1]

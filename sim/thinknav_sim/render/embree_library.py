@@ -121,7 +121,7 @@ class EmbreeDevice:
         """
         self.check_open()
         # Embree reads 16 bytes at each vertex of 12, so the last one needs something behind it.
-        vertices = np.concatenate([scene.vertices, np.zeros((1, 3), np.float32)])
+        vertices = np.ascontiguousarray(np.concatenate([scene.vertices, np.zeros((1, 3), np.float32)]))
         triangles = np.array(scene.triangles, np.uint32, order="C")
         library = self._library
         handle = library.rtcNewScene(self._handle)

@@ -25,6 +25,8 @@ _UPRIGHT: dict[UpAxis, NDArray[np.float64]] = {
     "y": np.eye(3),
     "z": np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]),
 }
+# Scenes are kept as float32, whose steps are a millimetre here.
+_FARTHEST_M = 10_000.0
 # Surfaces within 15 degrees of level count as level; z must beat y by this much to be taken for up.
 _LEVEL = np.cos(np.radians(15.0))
 _MARGIN = 1.3
@@ -62,6 +64,12 @@ def find_frame(mesh: Mesh, source: object, units: Units | None, up_axis: UpAxis 
         raise SceneError(
             f"{source} is {extent:.3g} m wide{fitting}, which no home is; "
             f"say its units with --units ({', '.join(METRES)}) or repair it"
+        )
+    away = float(np.abs(mesh.vertices).max()) * METRES[unit]
+    if away > _FARTHEST_M:
+        raise SceneError(
+            f"{source} lies {away:.3g} m from the origin of its coordinates, where they are too coarse to be kept; "
+            "move it to the origin and export it again"
         )
     return Frame(unit, axis, (f"units: {unit} ({why_unit})", f"up-axis: {axis} ({why_axis})"))
 

@@ -81,16 +81,22 @@ class Glb:
         return document
 
     def _refuse_extensions(self) -> None:
-        named = [*self.document.get("extensionsRequired", []), *self.document.get("extensionsUsed", [])]
-        for name in named:
+        required, used = self._names("extensionsRequired"), self._names("extensionsUsed")
+        for name in (*required, *used):
             if name in _UNREADABLE:
                 raise SceneError(
                     f"{self.path}: {_UNREADABLE[name]}, which is not read; export it without compression "
                     "(for example: npx @gltf-transform/cli copy IN.glb OUT.glb)"
                 )
-        unknown = sorted(set(self.document.get("extensionsRequired", [])) - _READABLE)
+        unknown = sorted(set(required) - _READABLE)
         if unknown:
             raise SceneError(f"{self.path} requires glTF extensions that are not read: {', '.join(unknown)}")
+
+    def _names(self, key: str) -> list[str]:
+        names = self.document.get(key, [])
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise SceneError(f"{self.path}: {key} is no list of names")
+        return names
 
     def entry(self, kind: str, index: object) -> dict[str, Any]:
         """One element of a list of the document, such as ("meshes", 0)."""

@@ -13,6 +13,8 @@ from thinknav_sim.scene import SceneError
 
 # What a mesh without any colour is drawn in: unpainted plaster.
 PLAIN = (214, 208, 198)
+# Far beyond a home in millimetres, and far below where its square or a triangle's area is no number any more.
+_MAX_SIZE = 1e12
 
 
 @dataclass(frozen=True)
@@ -108,9 +110,12 @@ def checked(mesh: Mesh, source: object) -> Mesh:
             f"{source} has {int(broken.sum())} vertices that are NaN or infinite, the first at {broken.argmax()}; "
             "export it again or repair it"
         )
+    size = float(np.ptp(mesh.vertices, axis=0).max())
+    if size > _MAX_SIZE:
+        raise SceneError(f"{source} is {size:.3g} wide in its own units, which no home is in any")
     areas = mesh.normals()[1]
     # Relative to the scene: a sliver of no width is one in any unit.
-    solid = areas > 1e-14 * float(np.ptp(mesh.vertices, axis=0).max()) ** 2
+    solid = areas > 1e-14 * size**2
     if not solid.any():
         raise SceneError(f"{source} has {len(areas)} triangles, all of them degenerate (without area)")
     # Vertices that no triangle uses go too: far away, they would make a home look as large as a town.

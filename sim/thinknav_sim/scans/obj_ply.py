@@ -11,10 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from thinknav_sim.scans.mesh import PLAIN, Mesh, texel_colors
+from thinknav_sim.scans.references import PLY_HEADER, material_libraries, material_textures
 from thinknav_sim.scene import SceneError
-
-# The most bytes of a PLY file that its header may take.
-_PLY_HEADER = 1 << 16
 
 
 def read_obj_or_ply(path: Path) -> Mesh:
@@ -25,13 +23,16 @@ def read_obj_or_ply(path: Path) -> Mesh:
         raise SceneError(f"reading {path} needs trimesh; install 'thinknav[scans]'") from None
     if path.suffix.lower() == ".ply":
         _check_ply(path)
+    textures = _textures(path) if path.suffix.lower() == ".obj" else {}
     # It warns of materials that it does not find; the mesh is good without them.
     logging.getLogger("trimesh").setLevel(logging.ERROR)
     try:
         loaded = trimesh.load_scene(path, process=False, maintain_order=True)
         # Neither format has transforms: what is in the file lies where it is.
         parts = [
-            _part(geometry, path) for geometry in loaded.geometry.values() if isinstance(geometry, trimesh.Trimesh)
+            _part(geometry, path, textures)
+            for geometry in loaded.geometry.values()
+            if isinstance(geometry, trimesh.Trimesh)
         ]
     except SceneError:
         raise
@@ -43,7 +44,14 @@ def read_obj_or_ply(path: Path) -> Mesh:
     return mesh
 
 
-def _part(geometry: Any, path: Path) -> Mesh:
+def _textures(path: Path) -> dict[str, Path]:
+    """The texture of each material of an OBJ that has one."""
+    libraries = material_libraries(path)
+    return {name: library.parent / file for library in libraries for name, file in material_textures(library).items()}
+
+
+def _part(geometry: Any, path: Path, textures: dict[str, Path]) -> Mesh:
+    """textures: by the names of materials, for those that must not be missing."""
     vertices = np.asarray(geometry.vertices, np.float64)
     triangles = np.asarray(geometry.faces).reshape(-1, 3).astype(np.int32)
     if vertices.shape[1:] != (3,):
@@ -52,7 +60,11 @@ def _part(geometry: Any, path: Path) -> Mesh:
         raise SceneError(f"{path} has a triangle that names vertex {triangles.max()} of {len(vertices)}")
     visual = geometry.visual
     uv = getattr(visual, "uv", None)
-    image = getattr(getattr(visual, "material", None), "image", None)
+    material = getattr(visual, "material", None)
+    image = getattr(material, "image", None)
+    if uv is not None and image is None and (texture_file := textures.get(getattr(material, "name", None) or "")):
+        missing = "cannot be decoded" if texture_file.is_file() else "is not there"
+        raise SceneError(f"{path} needs the texture {texture_file}, which {missing}")
     if uv is not None and image is not None and len(uv) == len(vertices):
         # These formats measure v upwards.
         down = np.stack([np.asarray(uv)[:, 0], 1.0 - np.asarray(uv)[:, 1]], axis=1).astype(np.float32)
@@ -87,7 +99,7 @@ def _colors(visual: Any, count: int) -> tuple[NDArray[np.uint8], bool]:
 def _check_ply(path: Path) -> None:
     """A binary PLY says how many vertices of what size it holds; a truncated one would be read as noise."""
     with path.open("rb") as file:
-        head = file.read(_PLY_HEADER)
+        head = file.read(PLY_HEADER)
     end = head.find(b"end_header")
     if not head.startswith(b"ply") or end < 0:
         raise SceneError(f"{path} is not a PLY file: its header is missing or has no end")

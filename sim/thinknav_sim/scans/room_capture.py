@@ -52,7 +52,7 @@ def read_room_capture(path: Path) -> list[LabelledBox]:
     try:
         entities = json.loads(path.read_text(encoding="utf-8"))["spatialEntities"]
         boxes = [box for entity in entities if (box := _box(entity)) is not None]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
         raise SceneError(
             f"{path} is not a room capture (JSON with spatialEntities): {type(error).__name__}: {error}"
         ) from None
@@ -86,7 +86,7 @@ def _box(entity: dict[str, Any]) -> LabelledBox | None:
     size = np.array([extent["width"], extent["height"], 0.0 if flat else extent["depth"]], np.float64)
     if flat:  # a plane's second direction is its z axis, its normal is y
         low[1:], size[1:] = (-_PLANE_DEPTH_M, low[1]), (2 * _PLANE_DEPTH_M, size[1])
-    if not (np.isfinite(low).all() and np.isfinite(size).all() and np.isfinite(rotation).all()):
+    if not all(np.isfinite(part).all() for part in (position, low, size, rotation)):
         raise ValueError(f"a box of {category} is not finite")
     return LabelledBox(category, position, rotation, low, low + size, flat)
 

@@ -12,6 +12,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from thinknav_sim.render import Renderer
+from thinknav_sim.sampling import points_on
 from thinknav_sim.scans.mesh import Mesh
 from thinknav_sim.scene import Scene
 
@@ -21,6 +22,8 @@ _WELD_M = 1e-4
 _FRAGMENT_M = 0.3
 _AIR_M = 0.08
 _SKIN_M = 1e-3
+# What touches a fragment is found where it is no thinner than this.
+_THIN_M = 0.01
 
 
 def decimated(mesh: Mesh, count: int) -> Mesh:
@@ -79,7 +82,7 @@ def _touching(
     scene: Scene,
     renderer: Renderer,
 ) -> NDArray[np.int32]:
-    """The loose pieces that come near to a triangle that is not loose: rays along the axes from all their corners."""
+    """The loose pieces that come near to a triangle that is not loose: rays along the axes from all over them."""
     solid = replace(
         scene,
         triangles=scene.triangles[~loose],
@@ -88,8 +91,9 @@ def _touching(
         uv=None,
         triangle_textures=None,
     )
-    points = np.repeat(corners[loose].reshape(-1, 3), 6, axis=0)
-    rays = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (len(points) // 6, 1))
+    places, triangles = points_on(corners[loose], _THIN_M)
+    points = np.repeat(places, 6, axis=0)
+    rays = np.tile(np.concatenate([np.eye(3), -np.eye(3)]), (len(places), 1))
     scene_id = renderer.add_scene(solid)
     try:
         # From a little behind, so that what lies exactly on a surface meets it.
@@ -97,7 +101,7 @@ def _touching(
     finally:
         renderer.remove_scene(scene_id)
     near = (hits.triangle >= 0) & (hits.distance <= _AIR_M)
-    return np.unique(np.repeat(pieces[loose], 18)[near])
+    return np.unique(np.repeat(pieces[loose][triangles], 6)[near])
 
 
 def _welded(mesh: Mesh) -> NDArray[np.int32]:

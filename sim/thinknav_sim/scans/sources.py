@@ -1,17 +1,17 @@
 """Which files a path stands for: a mesh, and what tells its objects apart.
 
-Knows nothing of what is in them.
+Of what is in them it knows which other files they name.
 """
 
 import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 
+from thinknav_sim.scans.references import named_files
 from thinknav_sim.scene import SceneError
 
 FORMATS = (".glb", ".obj", ".ply")
 _BASIS = ".basis.glb"
-_TEXTURES = (".png", ".jpg", ".jpeg", ".mtl")
 _HINTS = {
     ".dae": "COLLADA loses triangles without a word; export it as GLB",
     ".gltf": "pack it into one file, GLB",
@@ -42,16 +42,23 @@ class Source:
             files += [self.semantic_glb, self.semantic_glb.with_suffix(".txt")]
         if self.room_capture is not None:
             files.append(self.room_capture)
-        if self.mesh.suffix.lower() == ".obj":
-            files += sorted(path for path in self.mesh.parent.iterdir() if path.suffix.lower() in _TEXTURES)
         for path in files:
-            try:
-                data = path.read_bytes()
-            except OSError as error:
-                raise SceneError(f"{path} cannot be read: {error.strerror}") from None
-            total.update(f"{path.name} {len(data)} ".encode())
-            total.update(data)
+            _add(total, path)
+        for path in named_files(self.mesh):
+            if path.is_file():
+                _add(total, path)
+            else:
+                total.update(f"no {path.name} ".encode())
         return total.hexdigest()
+
+
+def _add(total: "hashlib.blake2b", path: Path) -> None:
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise SceneError(f"{path} cannot be read: {error.strerror}") from None
+    total.update(f"{path.name} {len(data)} ".encode())
+    total.update(data)
 
 
 def find_source(path: Path, semantics: Path | None = None) -> Source:

@@ -7,6 +7,7 @@ import json
 import os
 import tempfile
 import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -86,5 +87,14 @@ def read_scene(path: Path) -> tuple[Scene, tuple[str, ...]]:
             return scene, tuple(header["notes"])
     except SceneError:
         raise
-    except (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile) as error:
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        EOFError,
+        NotImplementedError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
         raise SceneError(f"{path} is not an imported scene: {error}") from None

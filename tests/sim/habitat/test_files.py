@@ -168,10 +168,14 @@ def test_files_that_are_not_such_files(tmp_path: Path) -> None:
     (tmp_path / "cut.json.gz").write_bytes(whole[:-40])
     (tmp_path / "text.json").write_text("{]")
     (tmp_path / "other.bin").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "long.json").write_text('{"episodes": ' + "1" * 5000 + "}")
+    (tmp_path / "deep.json").write_text("[" * 100_000)
     for name, complaint in (
         ("cut.json.gz", "not a whole gzip file"),
         ("text.json", "not JSON"),
         ("other.bin", "not JSON"),
+        ("long.json", "not JSON"),
+        ("deep.json", "not JSON"),
         ("absent.json", "cannot be read: No such file"),
     ):
         with pytest.raises(EpisodeFileError, match=complaint):

@@ -1,6 +1,8 @@
 """Success zones and the rule of success: sight, walking distance, facing."""
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from numpy.typing import NDArray
 from thinknav_sim.navigation import Goal, NavigationGrid, distances_at, find_goal
 from thinknav_sim.navigation.visibility import surface_points
 from thinknav_sim.render import Renderer
-from thinknav_sim.scene import Scene
+from thinknav_sim.scene import Box, Scene
 from thinknav_sim.success import faces_goal, goal_bearings
 
 CHAIR = ("chair", (2.75, 0.0, 2.75, 3.25, 0.8, 3.25))
@@ -48,6 +50,27 @@ def test_the_zone_is_what_lies_within_a_metre_of_the_footprint(open_place: Place
     apart = np.linalg.norm(np.maximum(np.maximum(box.low - centers, centers - box.high), 0)[:, [0, 2]], axis=1)
     inside = open_place.goal.zone[rows, cols]
     assert inside[apart < 0.98].all()
+    assert not inside[apart > 1.02].any()
+
+
+@pytest.mark.parametrize("degrees", [20, 45])
+def test_in_a_scan_the_zone_is_what_lies_within_a_metre_of_an_object_at_any_angle(
+    make_room: Any, renderer: Renderer, degrees: int
+) -> None:
+    scene = make_room(objects=[("sofa", (2.0, 0.0, 2.55, 4.0, 0.8, 3.45))])
+    angle = math.radians(degrees)
+    turn = np.array([[math.cos(angle), 0, math.sin(angle)], [0, 1, 0], [-math.sin(angle), 0, math.cos(angle)]])
+    own = np.unique(scene.triangles[scene.triangle_objects == 0])
+    vertices = scene.vertices.copy()
+    vertices[own] = (vertices[own] - [3, 0, 3]) @ turn.T + [3, 0, 3]
+    box = Box(vertices[own].min(axis=0).astype(np.float64), vertices[own].max(axis=0).astype(np.float64))
+    turned = replace(scene, vertices=vertices, objects=(replace(scene.objects[0], box=box),), level_floors=False)
+    place = Place(turned, renderer, "sofa")
+    centers = place.grid.positions(*np.nonzero(place.grid.navigable))
+    outside = np.abs((centers - [3, 0, 3]) @ turn)[:, [0, 2]] - [1.0, 0.45]
+    apart = np.linalg.norm(np.maximum(outside, 0), axis=1)
+    inside = place.goal.zone[place.grid.navigable]
+    assert inside[apart < 0.96].all()
     assert not inside[apart > 1.02].any()
 
 

@@ -3,6 +3,7 @@
 import contextlib
 import gc
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numba
@@ -120,6 +121,16 @@ def test_arrays_of_any_layout_are_taken(renderer: Renderer, plain_room: Scene) -
     plain_rgb, plain_depth = renderer.render(ids, np.ascontiguousarray(strided), CAMERA)  # type: ignore[arg-type]
     np.testing.assert_array_equal(rgb, plain_rgb)
     np.testing.assert_array_equal(depth, plain_depth)
+
+
+def test_a_scene_of_any_layout_is_taken(renderer: Renderer, plain_room: Scene) -> None:
+    other = replace(plain_room, vertices=np.asfortranarray(plain_room.vertices))
+    plain, strided = renderer.add_scene(plain_room), renderer.add_scene(other)
+    ways = np.random.default_rng(0).normal(size=(50, 3)).astype(np.float32)
+    origins = np.tile(plain_room.bounds.center.astype(np.float32), (50, 1))
+    np.testing.assert_array_equal(
+        renderer.cast(strided, origins, ways).distance, renderer.cast(plain, origins, ways).distance
+    )
 
 
 @pytest.mark.parametrize("width", [1, 3, 32, -8])

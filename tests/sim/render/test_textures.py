@@ -63,6 +63,7 @@ def test_triangles_without_a_texture_keep_their_colours(renderer: Renderer, wall
         ({"uv": np.zeros((3, 2), np.float32)}, r"uv must be float32 of shape \(4, 2\)"),
         ({"uv": np.zeros((4, 2))}, "not float64"),
         ({"uv": np.full((4, 2), np.nan, np.float32)}, "NaN or infinite"),
+        ({"uv": np.full((4, 2), -3e38, np.float32)}, "beyond 1e.06, which name no texel"),
         ({"triangle_textures": np.zeros(3, np.int32)}, r"triangle_textures must be int32 of shape \(2,\)"),
         ({"triangle_textures": np.array([0, 1], np.int32)}, "names texture 1, and 1 textures"),
         ({"triangle_textures": np.array([0, -2], np.int32)}, "names texture -2"),

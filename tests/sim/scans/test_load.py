@@ -2,12 +2,13 @@
 
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 from tests.sim.scans.conftest import WriteGlb
-from tests.sim.scans.files import ROOM, SOFA, boxes, capture_text, obj_text, ply_bytes, png
+from tests.sim.scans.files import ROOM, SOFA, boxes, capture_text, glb_bytes, obj_text, ply_bytes, png
 from thinknav_sim.scans import ScanOptions, load_scan, write_scene
 from thinknav_sim.scene import Scene, SceneError
 
@@ -159,6 +160,36 @@ def test_the_second_load_comes_from_the_cache_and_is_the_same(write_glb: WriteGl
     assert not load_scan(path).cached
     assert load_scan(path).cached
     assert not [left for left in cache.iterdir() if left.suffix != ".npz"]
+
+
+@pytest.mark.parametrize("kind", ["glb", "obj", "ply"])
+def test_a_scan_is_imported_again_when_a_file_that_it_names_has_changed(tmp_path: Path, kind: str) -> None:
+    vertices, triangles = boxes([ROOM])
+    path = tmp_path / f"room.{kind}"
+    wall = tmp_path / "look" / "wall.png"
+    wall.parent.mkdir()
+    faces = [[f"{i + 1}/1" for i in triangle] for triangle in triangles]
+    if kind == "glb":
+
+        def named(document: dict[str, Any]) -> None:
+            document["images"] = [{"uri": "look/wall.png"}]
+
+        path.write_bytes(glb_bytes(vertices, triangles, uv=np.zeros((8, 2), np.float32), image=b"", change=named))
+    elif kind == "obj":
+        lines = [*(f"v {x} {y} {z}" for x, y, z in vertices), "vt 0.5 0.5", "usemtl paint"]
+        path.write_text("\n".join(["mtllib room.mtl", *lines, *("f " + " ".join(face) for face in faces)]) + "\n")
+        (tmp_path / "room.mtl").write_text("newmtl paint\nmap_Kd look/wall.png\n")
+    else:
+        values = "".join(f"property float {name}\n" for name in "xyzst")
+        head = f"ply\nformat ascii 1.0\ncomment TextureFile look/wall.png\nelement vertex 8\n{values}element face 12\n"
+        body = [f"{x} {y} {z} 0.5 0.5" for x, y, z in vertices] + [f"3 {a} {b} {c}" for a, b, c in triangles]
+        path.write_text(f"{head}property list uchar int vertex_indices\nend_header\n" + "\n".join(body) + "\n")
+    for color in ((255, 0, 0), (0, 255, 0)):
+        wall.write_bytes(png(np.full((4, 4, 3), color, np.uint8)))
+        scan = load_scan(path)
+        assert not scan.cached
+        assert (scan.scene.textures[0] == color).all()
+        assert load_scan(path).cached
 
 
 def test_an_imported_scene_is_loaded_as_it_was_written(write_glb: WriteGlb, tmp_path: Path) -> None:

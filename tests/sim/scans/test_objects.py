@@ -124,6 +124,14 @@ def test_fragments_in_the_air_are_left_out_and_things_on_tables_are_not(write_gl
     assert not (np.abs(scan.scene.vertices - np.array(crumb[:3])) < 0.01).all(axis=1).any()
 
 
+def test_what_a_thin_pole_holds_up_does_not_float(write_glb: WriteGlb) -> None:
+    pole = (3.0, 0.0, 2.0, 3.02, 1.5, 2.02)
+    shade = (2.95, 1.3, 1.95, 3.07, 1.42, 2.07)  # pierced by it
+    plate = (2.91, 1.5, 1.91, 3.11, 1.51, 2.11)  # lies on its tip
+    scan = load_scan(write_glb(*boxes([ROOM, SOFA, pole, shade, plate])))
+    assert len(scan.scene.triangles) == 60
+
+
 @pytest.mark.parametrize(("room", "sofas", "area"), [("living_room", 1, (9, 14)), ("music_room", 2, (6, 11))])
 def test_a_scanned_room_is_played_in(
     test_data: Path, renderer: Renderer, room: str, sofas: int, area: tuple[float, float]

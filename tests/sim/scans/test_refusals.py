@@ -1,5 +1,8 @@
 """Files that make no scene: one clear error that names the file and the cause, never a crash or an empty world."""
 
+import contextlib
+import json
+import math
 import struct
 from collections.abc import Callable
 from pathlib import Path
@@ -11,8 +14,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.sim.scans.conftest import WriteGlb
-from tests.sim.scans.files import ROOM, boxes, glb_bytes, obj_text, ply_bytes, png
-from thinknav_sim.scans import ScanOptions, load_scan
+from tests.sim.scans.files import ROOM, SOFA, boxes, capture_text, glb_bytes, obj_text, ply_bytes, png
+from thinknav_sim.scans import ScanOptions, load_scan, write_scene
 from thinknav_sim.scans.glb_mesh import read_glb
 from thinknav_sim.scene import SceneError
 
@@ -50,6 +53,10 @@ def setting(*keys: Any, to: Any) -> Change:
         (setting("meshes", to="none"), r"names meshes\[0\]"),
         (setting("nodes", 0, "scale", to=[0, 0, 0]), "all of them degenerate"),
         (setting("buffers", 0, "uri", to="gone.bin"), r"gone\.bin, which cannot be read"),
+        (setting("extensionsUsed", to=None), "extensionsUsed is no list of names"),
+        (setting("extensionsRequired", to=[1, "x"]), "extensionsRequired is no list of names"),
+        (setting("nodes", 0, "scale", to=[1e300] * 3), "wide in its own units"),
+        (setting("nodes", 0, "translation", to=[500_000, 0, 4_500_000]), "4.5e.06 m from the origin"),
     ],
 )
 def test_a_glb_that_promises_what_it_does_not_hold(write_glb: WriteGlb, change: Change, cause: str) -> None:
@@ -138,6 +145,50 @@ def test_broken_obj_and_ply(tmp_path: Path) -> None:
         path.write_bytes(data)
         with pytest.raises(SceneError, match=cause):
             load_scan(path)
+
+
+@pytest.mark.parametrize(("image", "cause"), [(None, "is not there"), (b"no image", "cannot be decoded")])
+def test_an_obj_whose_texture_cannot_be_shown(tmp_path: Path, image: bytes | None, cause: str) -> None:
+    vertices, triangles = boxes([ROOM])
+    lines = [*(f"v {x} {y} {z}" for x, y, z in vertices), "vt 0.5 0.5", "usemtl wall paint"]
+    faces = ["f " + " ".join(f"{i + 1}/1" for i in triangle) for triangle in triangles]
+    (tmp_path / "room.obj").write_text("\n".join(["mtllib room.mtl", *lines, *faces]) + "\n")
+    (tmp_path / "room.mtl").write_text("newmtl other\nmap_Kd gone.png\nnewmtl wall paint\nmap_Kd look/wall.png\n")
+    if image is not None:
+        (tmp_path / "look").mkdir()
+        (tmp_path / "look" / "wall.png").write_bytes(image)
+    with pytest.raises(SceneError, match=f"wall.png, which {cause}"):
+        load_scan(tmp_path / "room.obj")
+
+
+@pytest.mark.parametrize("text", ["[" * 100_000, '{"spatialEntities": 1}'])
+def test_a_room_capture_that_is_none(write_glb: WriteGlb, text: str) -> None:
+    path = write_glb(*boxes())
+    path.with_suffix(".json").write_text(text)
+    with pytest.raises(SceneError, match="is not a room capture"):
+        load_scan(path)
+
+
+def test_a_room_capture_with_a_box_nowhere(write_glb: WriteGlb) -> None:
+    path = write_glb(*boxes())
+    capture = json.loads(capture_text("COUCH", SOFA))
+    capture["spatialEntities"][0]["locatable_META"]["position"]["x"] = math.nan
+    path.with_suffix(".json").write_text(json.dumps(capture))
+    with pytest.raises(SceneError, match="a box of sofa is not finite"):
+        load_scan(path)
+
+
+def test_an_imported_scene_with_a_flipped_bit_is_read_or_refused(write_glb: WriteGlb, tmp_path: Path) -> None:
+    scan = load_scan(write_glb(*boxes()))
+    write_scene(tmp_path / "kept.npz", scan.scene, scan.notes)
+    whole = (tmp_path / "kept.npz").read_bytes()
+    for place in range(48):  # the first header of the archive
+        for bit in range(8):
+            data = bytearray(whole)
+            data[place] ^= 1 << bit
+            (tmp_path / "kept.npz").write_bytes(data)
+            with contextlib.suppress(SceneError):
+                load_scan(tmp_path / "kept.npz")
 
 
 def test_paths_that_are_no_scans(tmp_path: Path, write_glb: WriteGlb) -> None:
