@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
@@ -62,6 +63,18 @@ def test_a_users_mistake_is_one_line(monkeypatch: pytest.MonkeyPatch, capsys: py
     assert left.value.code == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("thinknav: there is single, five, unseen to reproduce, not 'nothing'")
+
+
+def test_a_file_in_the_way_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    (tmp_path / "runs").write_text("no folder")
+    options = ["--name", "a", "--runs", str(tmp_path / "runs"), "--set", "think.strategy=never"]
+    monkeypatch.setattr(sys, "argv", ["thinknav", "train", "--preset", "smoke", *options])
+    with pytest.raises(SystemExit) as left:
+        main()
+    assert left.value.code == 2
+    assert capsys.readouterr().err.splitlines()[-1] == f"thinknav: {tmp_path}/runs/a: Not a directory"
 
 
 def test_a_mistake_of_ours_shows_where(monkeypatch: pytest.MonkeyPatch) -> None:

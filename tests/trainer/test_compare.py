@@ -37,6 +37,16 @@ def test_differences_are_taken_episode_by_episode(tmp_path: Path) -> None:
     assert second.summary["spl"]["high"] - second.summary["spl"]["low"] > 0.3
 
 
+def test_an_episode_is_known_by_its_scene_as_well(tmp_path: Path) -> None:
+    """Ids repeat from scene to scene in Habitat's files."""
+    records = [record(number, number % 2) for number in range(4)]
+    records += [replace(record(number, (number + 1) % 2), scene="home-2") for number in range(4)]
+    write_evaluation(tmp_path / "a", {}, records)
+    write_evaluation(tmp_path / "b", {}, list(reversed(records)))
+    _, second = compare(read_evaluations([tmp_path / "a", tmp_path / "b"]))
+    assert second.difference["success"] == {"mean": 0, "low": 0, "high": 0}
+
+
 def test_other_episodes_are_not_compared(tmp_path: Path) -> None:
     write_evaluation(tmp_path / "a", {}, [record(1, 1), record(2, 0)])
     write_evaluation(tmp_path / "b", {}, [record(1, 1), record(3, 0)])
@@ -60,6 +70,13 @@ def test_files_of_another_form_are_named(tmp_path: Path) -> None:
         read_evaluation(tmp_path)
     (tmp_path / "episodes.jsonl").unlink()
     with pytest.raises(ConfigError, match=r"holds no evaluation: cannot read .*episodes.jsonl"):
+        read_evaluation(tmp_path)
+
+
+def test_an_evaluation_of_nothing_is_refused(tmp_path: Path) -> None:
+    write_evaluation(tmp_path, {}, [record(1, 1)])
+    (tmp_path / "episodes.jsonl").write_text("")
+    with pytest.raises(ConfigError, match="an evaluation of no episode"):
         read_evaluation(tmp_path)
 
 

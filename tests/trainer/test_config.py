@@ -30,6 +30,7 @@ def test_layers_override_one_another(tmp_path: Path) -> None:
         ("ppo.lr", "--set takes key=value"),
         ("ppo..lr=1", "--set takes key=value"),
         ("ppo.lr=[", "not a value that YAML understands"),
+        ("seed=2024-13-45", "not a value that YAML understands"),
         ("ppo=3", "ppo: "),
         ("env.think_action=true", "follows from think.strategy"),
         ("ppo.minibatches=1000", "ppo.minibatches 1000 is more than the sequences"),

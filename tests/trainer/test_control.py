@@ -105,6 +105,10 @@ def test_none_changes_nothing_and_what_is_remembered_is_kept() -> None:
     control.replace({4: reply(4, 1)})
     later.load_state_dict(control.state_dict())
     assert said(later.replace({0: reply(0, 2)})) == {0: "turn left to env 4 in 1"}
+    drawing, on = made("random", seed=7), made("random", seed=8)
+    on.load_state_dict(drawing.state_dict())
+    replies: list[dict[int, Answer]] = [{0: reply(0, number)} for number in range(20)]
+    assert [said(on.replace(one)) for one in replies] == [said(drawing.replace(one)) for one in replies]
 
 
 def test_the_policy_sees_what_the_control_tells(thinking_env: MakeThinkingEnv, smoke: TrainConfig) -> None:

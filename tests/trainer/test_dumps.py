@@ -31,19 +31,39 @@ def diverged(folder: Path, smoke: TrainConfig, homes: Homes) -> tuple[str, Path]
     return str(caught.value), Path(found.group(1))
 
 
-def test_an_observation(tmp_path: Path, smoke: TrainConfig, homes: Homes, monkeypatch: pytest.MonkeyPatch) -> None:
-    stepped = ObjectNavVectorEnv.step_subset
-
+def _breaking(stepped: Any) -> Any:
     def broken(self: ObjectNavVectorEnv, envs: Any, actions: Any) -> Any:
         result = stepped(self, envs, actions)
         if self._states.steps[2] == 5:
             result[0]["depth"][2, 3, 4] = np.nan
         return result
 
-    monkeypatch.setattr(ObjectNavVectorEnv, "step_subset", broken)
+    return broken
+
+
+def test_an_observation(tmp_path: Path, smoke: TrainConfig, homes: Homes, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ObjectNavVectorEnv, "step_subset", _breaking(ObjectNavVectorEnv.step_subset))
     said, dump = diverged(tmp_path, smoke, homes)
     assert "not finite after 0 steps: depth of envs [2]" in said
     assert "depth of env 2: 1 of 1024 numbers, at pose [" in redo_dump(dump)
+
+
+@pytest.mark.parametrize(
+    ("override", "what"), [("warm_start.lr=1e30", "in the warm start"), ("seed=0", "depth of envs")]
+)
+def test_in_a_warm_start(
+    tmp_path: Path, smoke: TrainConfig, homes: Homes, monkeypatch: pytest.MonkeyPatch, override: str, what: str
+) -> None:
+    if override == "seed=0":
+        monkeypatch.setattr(ObjectNavVectorEnv, "step_subset", _breaking(ObjectNavVectorEnv.step_subset))
+    overrides = ["think.strategy=never", "warm_start.demonstrator=bump-walker", "warm_start.steps=128", override]
+    run = Run.create(tmp_path, change_config(smoke, overrides=[*overrides, "ppo.precision=float32"]))
+    with pytest.raises(TrainingDiverged, match=what) as caught:
+        train(run, homes, None, Interruption())
+    run.close()
+    found = re.search(r"thinknav redo (.*)$", str(caught.value))
+    assert found
+    assert "the run stopped at" in redo_dump(Path(found.group(1)))
 
 
 def test_a_loss(tmp_path: Path, smoke: TrainConfig, homes: Homes, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -69,5 +69,9 @@ def test_a_run_trains_on_a_file(tmp_path: Path, homes: Homes, smoke: TrainConfig
     made = make_homes(smoke.model_copy(update={"scenes": scenes}))
     assert sorted(ids([*made.train, *made.held_out])) == sorted(ids(homes.train))
     assert len(made.held_out) == round(0.2 * len(homes.train))
+    more = make_homes(smoke.model_copy(update={"scenes": scenes.model_copy(update={"validation": 0.2})}))
+    assert ids(more.held_out) == ids(made.held_out)
+    assert len(more.validation) > 0
+    assert sorted(ids([*more.train, *more.validation])) == sorted(ids(made.train))
     with pytest.raises(ConfigError, match="scans and episodes_file exclude each other"):
         parse_config({"scenes": {"scans": ["a.glb"], "episodes_file": "b.json.gz"}})

@@ -216,5 +216,14 @@ def test_a_ledger_that_cannot_be_read_is_named(tmp_path: Path) -> None:
         Ledger(tmp_path, "x")
 
 
+def test_a_line_is_added_to_a_ledger_whose_last_has_no_end(tmp_path: Path) -> None:
+    (tmp_path / "x.runs.jsonl").write_text('{"arm":"a","seed":0,"digest":"d"}')
+    Ledger(tmp_path, "x").add({"arm": "a", "seed": 1, "digest": "e"})
+    assert len(Ledger(tmp_path, "x")) == 2
+    (tmp_path / "x.runs.jsonl").write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match="is no ledger"):
+        Ledger(tmp_path, "x")
+
+
 def test_an_empty_ledger_gives_no_table(tmp_path: Path) -> None:
     assert write_results(SMALL, tmp_path) is None

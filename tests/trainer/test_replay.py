@@ -4,6 +4,7 @@ import json
 import random
 import time
 from contextlib import closing
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -65,6 +66,23 @@ def test_a_replay_equals_what_was_recorded(
     lines = [json.loads(line) for line in (tmp_path / "recorded/thoughts.jsonl").read_text().splitlines()]
     assert len({line["subgoal"] for line in lines}) > 2
     assert any(line["subgoal"] is None for line in lines)
+
+
+def test_a_replay_of_a_warm_start_hears_how_sure_the_planner_was(
+    tmp_path: Path, smoke: TrainConfig, homes: Homes
+) -> None:
+    def unsure(request: SubgoalRequest) -> SubgoalReply:
+        said = random.choice((*SUBGOALS, "stop", "stop"))
+        return reply_to(request, said).model_copy(update={"confidence": random.random()})
+
+    overrides = ["deterministic=true", "warm_start.steps=192", "ppo.precision=float32", "checkpoint_every=32"]
+    config = change_config(smoke, overrides=overrides)
+    split = replace(homes, train=homes.train[:-3], validation=homes.train[-3:])
+    with closing(Run.create(tmp_path / "recorded", config)) as run:
+        train(run, split, PlannerClient(MockTransport(unsure)), Interruption())
+    trained(tmp_path / "again", config, split, replay=tmp_path / "recorded")
+    texts = {(tmp_path / run / "metrics.jsonl").read_text() for run in ("recorded", "again")}
+    assert len(texts) == 1
 
 
 def test_a_replay_of_something_else_says_so(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:

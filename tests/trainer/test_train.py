@@ -154,6 +154,36 @@ def test_an_interrupted_run_saves_and_ends(tmp_path: Path, smoke: TrainConfig, h
     assert interruption.exit_code == 130
 
 
+def test_a_warm_start_that_is_interrupted_begins_anew(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
+    config = config_of(smoke, "warm_start.steps=192")
+    whole = Run.create(tmp_path / "whole", config)
+    train(whole, homes, planner(), Interruption())
+    whole.close()
+    interruption = Interruption()
+    asked = 0
+
+    def interrupting(request: SubgoalRequest) -> str:
+        nonlocal asked
+        asked += 1
+        if asked == 12:
+            interruption.request(2)
+        return ("turn left", "move forward")[int(request.request_id) % 2]
+
+    first = Run.create(tmp_path / "halves", config)
+    middle = train(first, homes, PlannerClient(MockTransport(interrupting)), interruption)
+    first.close()
+    assert 0 < read_metrics(tmp_path / "halves")[-1]["steps"] < 192
+    second = Run(tmp_path / "halves", config, steps=Checkpoint.load(middle).steps)
+    train(second, homes, planner(), Interruption(), resume_from=Checkpoint.load(middle))
+    second.close()
+    a, b = (Checkpoint.load(list_checkpoints(tmp_path / name)[-1]) for name in ("whole", "halves"))
+    for name, weight in a.policy.items():
+        assert torch.equal(weight, b.policy[name]), name
+    for log in ("metrics", "thoughts", "embeddings"):
+        texts = {(tmp_path / name / f"{log}.jsonl").read_text() for name in ("whole", "halves")}
+        assert len(texts) == 1, log
+
+
 def test_a_checkpoint_for_other_actions_is_not_resumed(tmp_path: Path, smoke: TrainConfig, homes: Homes) -> None:
     run = Run.create(tmp_path, config_of(smoke, "total_steps=64"))
     last = Checkpoint.load(train(run, homes, planner(), Interruption()))

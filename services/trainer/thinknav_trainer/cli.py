@@ -68,5 +68,8 @@ def main() -> None:
 
 def _fail(error: BaseException, status: int) -> None:
     speaker = f"thinknav (worker {own_rank()})" if started_by_torchrun() else "thinknav"
-    sys.stderr.write(f"{speaker}: {error}\n")
+    said = str(error)
+    if isinstance(error, OSError) and error.filename is not None:
+        said = f"{error.filename}: {error.strerror}"
+    sys.stderr.write(f"{speaker}: {said}\n")
     sys.exit(status)

@@ -79,7 +79,7 @@ class Collector:
             decision = self._decision.select(rows)
             with self.stopwatch("step"):
                 step = self._env.step_subset(envs, decision.actions.numpy(), replies)
-            self._require_finite(envs, decision, step)
+            self.require_finite(envs, decision, step)
             log.add(self._transitions(envs, decision, step))
             self._advance(envs, decision, step)
         self._workers.done()
@@ -92,7 +92,7 @@ class Collector:
             return False
         return collected < wanted
 
-    def _require_finite(self, envs: NDArray[np.int64], decision: Decision, step: Step) -> None:
+    def require_finite(self, envs: NDArray[np.int64], decision: Decision, step: Step) -> None:
         """What the simulator gave is checked where it comes in. Raises NotFinite."""
         for name, values in {**step.observations, "reward": step.rewards}.items():
             if values.dtype.kind == "f" and not np.isfinite(values).all():

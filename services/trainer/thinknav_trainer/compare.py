@@ -57,8 +57,8 @@ def compare(evaluations: Sequence[Evaluated]) -> list[Column]:
     first = evaluations[0].records
     columns = [Column(evaluations[0].name, summarize(first), {})]
     for other in evaluations[1:]:
-        of_id = {record.episode_id: record for record in other.records}
-        pairs = [(record, of_id[record.episode_id]) for record in first]
+        theirs = {record.episode: record for record in other.records}
+        pairs = [(record, theirs[record.episode]) for record in first]
         difference = {}
         for measure in MEASURES:
             gains = [after.measures[measure] - before.measures[measure] for before, after in pairs]
@@ -72,8 +72,8 @@ def require_same_episodes(
     one: str, records: Sequence[EpisodeRecord], other: str, other_records: Sequence[EpisodeRecord]
 ) -> None:
     """Refuse to compare evaluations, so named, of different episodes. Raises ConfigError."""
-    ours = {(record.scene, record.episode_id, record.category) for record in records}
-    theirs = {(record.scene, record.episode_id, record.category) for record in other_records}
+    ours = {record.episode for record in records}
+    theirs = {record.episode for record in other_records}
     if ours != theirs:
         odd = min(ours ^ theirs)
         raise ConfigError(

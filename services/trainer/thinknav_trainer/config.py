@@ -392,6 +392,8 @@ def _planner_section(values: Mapping[str, Any]) -> dict[str, Any]:
 
 def parse_config(values: Mapping[str, Any]) -> TrainConfig:
     """A configuration from plain values. Raises ConfigError that names each wrong key."""
+    if not isinstance(values, Mapping):
+        raise ConfigError(f"a configuration is a mapping of keys to values, not {values!r}")
     try:
         return TrainConfig.model_validate(_planner_section(values))
     except ValidationError as error:
@@ -448,7 +450,7 @@ def _parse_override(override: str) -> dict[str, Any]:
         raise ConfigError(f"--set takes key=value, such as ppo.lr=1e-4, not {override!r}")
     try:
         value = yaml.safe_load(text)
-    except yaml.YAMLError:
+    except (yaml.YAMLError, ValueError):  # a date that is none
         raise ConfigError(f"--set {key}: {text!r} is not a value that YAML understands") from None
     if isinstance(value, str):  # YAML 1.1 reads 1e-4 as a word
         value = _number_or_word(value)

@@ -118,15 +118,16 @@ class Control:
     def _rng(self, reply: SubgoalReply) -> np.random.Generator:
         return np.random.default_rng(zlib.crc32(f"{self._seed} {reply.request_id}".encode()))
 
-    def state_dict(self) -> list[dict[str, Any]]:
-        """What it remembers."""
-        return [{"env": env, **asdict(told)} for env, told in self._latest.items()]
+    def state_dict(self) -> dict[str, Any]:
+        """What it remembers, and what it draws from."""
+        return {"seed": self._seed, "latest": [{"env": env, **asdict(told)} for env, told in self._latest.items()]}
 
-    def load_state_dict(self, state: Sequence[Mapping[str, Any]]) -> None:
-        """Remember what `state_dict` gave."""
+    def load_state_dict(self, state: Mapping[str, Any]) -> None:
+        """Go on as the one whose `state_dict` this is."""
+        self._seed = state["seed"]
         self._latest = {
             row["env"]: _Told(row["subgoal"], row["embedding"], tuple(row["instructions"]), row["confidence"])
-            for row in state
+            for row in state["latest"]
         }
 
 

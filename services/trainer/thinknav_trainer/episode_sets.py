@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from thinknav_sim.episodes import Episode
+from thinknav_sim.episodes import Episode, EpisodeError
 from thinknav_sim.habitat import from_habitat, read_dataset
 from thinknav_sim.homes import MAX_ROOMS, generate_home
 from thinknav_sim.scene import Scene, SceneError
@@ -42,6 +42,8 @@ def of_file(path: Path, scenes: Path | None, limit: int | None = None) -> Episod
     Raises EpisodeError for a file that is not in order, SceneError for a scene that is not there.
     """
     episodes = [from_habitat(episode) for episode in read_dataset(path).episodes][:limit]
+    if not episodes:
+        raise EpisodeError(f"{path} holds no episodes")
     names = sorted({episode.scene_name for episode in episodes})
     return EpisodeSet(str(path), _load(names, scenes, path), episodes)
 

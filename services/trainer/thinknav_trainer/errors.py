@@ -20,4 +20,6 @@ def exit_status(error: Exception) -> int | None:
 
     if isinstance(error, UserError | WeightsError | SceneError | EpisodeError):
         return 2
+    if isinstance(error, OSError) and error.filename is not None:  # a folder where a file is due, or none to write in
+        return 2
     return 1 if isinstance(error, RunFailure | PlannerError | RendererUnavailable) else None

@@ -60,6 +60,7 @@ class Recording:
             subgoal=line["subgoal"],
             instructions=tuple(line.get("instructions", ())),
             embedding=self._embeddings[line["embedding"]],
+            confidence=line.get("confidence"),
             planner=self.info.identity,
             timings=Timings(queued=0.0, planned=0.0, embedded=0.0),
         )

@@ -55,6 +55,11 @@ class EpisodeRecord:
     first_seen: int | None
     failure: str | None
 
+    @property
+    def episode(self) -> tuple[str, str, str]:
+        """Which episode it was: ids are told apart only within a scene."""
+        return self.scene, self.episode_id, self.category
+
 
 def summarize(records: Sequence[EpisodeRecord]) -> Summary:
     """Mean and 95 % bootstrap interval over episodes of each measure and reward term."""
@@ -111,6 +116,8 @@ def read_evaluation(folder: Path) -> tuple[dict[str, Any], list[EpisodeRecord]]:
         raise ConfigError(f"{folder} holds no evaluation: cannot read {error.filename} ({error.strerror})") from None
     except (json.JSONDecodeError, TypeError) as error:
         raise ConfigError(f"{folder} holds an evaluation that cannot be read ({error}); evaluate again") from None
+    if not records:
+        raise ConfigError(f"{folder} holds an evaluation of no episode; evaluate again")
     missing = sorted({name for record in records for name in MEASURES if name not in record.measures})
     if missing:
         raise ConfigError(f"{folder} holds an older evaluation, without {', '.join(missing)}; evaluate again")

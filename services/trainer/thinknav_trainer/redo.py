@@ -16,7 +16,12 @@ from thinknav_trainer.rollout import Rollout
 def redo_dump(path: Path) -> str:
     """What happens, in words. Raises CheckpointError for a file that is no dump."""
     evidence = read_dump(path)
-    again = _update(evidence) if "rollout" in evidence else _observation(evidence)
+    if "rollout" in evidence:
+        again = _update(evidence)
+    elif "observations" in evidence:
+        again = _observation(evidence)
+    else:
+        again = "this is not gone through again: train once more with the configuration and seed that the dump holds"
     return f"the run stopped at: {evidence['what']}\nonce more: {again}"
 
 

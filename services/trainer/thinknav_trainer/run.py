@@ -154,10 +154,10 @@ def newest_checkpoint(folder: Path) -> Checkpoint:
 def read_metrics(folder: Path) -> list[dict[str, float]]:
     """All lines of a run's metrics.jsonl. Raises RunError."""
     try:
-        text = (folder / "metrics.jsonl").read_text()
+        (folder / "metrics.jsonl").stat()
+        return read_log(folder / "metrics.jsonl")
     except OSError as error:
         raise RunError(f"{folder} is no run: cannot read metrics.jsonl ({error.strerror})") from None
-    return [json.loads(line) for line in text.splitlines()]
 
 
 def read_config(folder: Path) -> TrainConfig:

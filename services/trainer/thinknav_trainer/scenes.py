@@ -34,8 +34,19 @@ def make_homes(config: TrainConfig) -> Homes:
     wanted = config.scenes
     if wanted.episodes_file is not None:
         given = of_file(Path(wanted.episodes_file), None if wanted.folder is None else Path(wanted.folder))
-        train, held_out = split_by_category(given.episodes, held_out=wanted.held_out, seed=0)
-        return Homes(given.scenes, list(train), list(held_out))
+        scenes, episodes = given.scenes, list(given.episodes)
+    else:
+        scenes, episodes = _made(config)
+    train, held_out = split_by_category(episodes, held_out=wanted.held_out, seed=0)
+    if not wanted.validation:
+        return Homes(scenes, list(train), list(held_out))
+    train, validation = split_by_category(train, held_out=wanted.validation, seed=1)
+    return Homes(scenes, list(train), list(held_out), list(validation))
+
+
+def _made(config: TrainConfig) -> tuple[list[Scene], list[Episode]]:
+    """Homes, generated or scanned, and the episodes that are made in them."""
+    wanted = config.scenes
     count = len(wanted.scans) or wanted.homes
     indices = wanted.chosen or range(wanted.first_home, wanted.first_home + count)
     scenes = _load_scans(wanted.scans) if wanted.scans else _generate(indices, wanted.rooms)
@@ -52,11 +63,7 @@ def make_homes(config: TrainConfig) -> Homes:
             config=config.env,
             renderer=renderer,
         )
-    train, held_out = split_by_category(episodes, held_out=wanted.held_out, seed=0)
-    if not wanted.validation:
-        return Homes(scenes, list(train), list(held_out))
-    train, validation = split_by_category(train, held_out=wanted.validation, seed=1)
-    return Homes(scenes, list(train), list(held_out), list(validation))
+    return scenes, episodes
 
 
 def _generate(indices: Sequence[int], rooms: int | None) -> list[Scene]:

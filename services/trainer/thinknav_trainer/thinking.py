@@ -434,7 +434,8 @@ class ThinkingEnv:
         # Older checkpoints lack these three: what their open episodes did until now is not known.
         self._trajectories.load_state_dict(state.get("trajectories", [()] * self.num_envs))
         self._withholding.bit_generator.state = state.get("withholding", self._withholding.bit_generator.state)
-        self._control.load_state_dict(state.get("control", []))
+        if isinstance(control := state.get("control"), dict):  # older checkpoints lack its seed
+            self._control.load_state_dict(control)
         if self._memory is not None:
             self._memory.load_state_dict(state["memory"])
         self._round = state["round"]

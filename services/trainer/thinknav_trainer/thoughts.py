@@ -56,6 +56,8 @@ class Thought:
         told["embedding"] = embedding_name(self.answer.embedding)
         if self.answer.instructions:
             told["instructions"] = list(self.answer.instructions)
+        if self.confidence is not None:
+            told["confidence"] = self.confidence
         return told
 
 

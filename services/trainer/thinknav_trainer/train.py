@@ -9,7 +9,7 @@ import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import chain
 from pathlib import Path
 
@@ -39,7 +39,7 @@ from thinknav_trainer.ppo import PPO
 from thinknav_trainer.progress import progress_bar
 from thinknav_trainer.recording import AskRecorded, Recording
 from thinknav_trainer.reference import Reference
-from thinknav_trainer.run import Run
+from thinknav_trainer.run import Run, checkpoint_path
 from thinknav_trainer.run_elsewhere import RunElsewhere
 from thinknav_trainer.scenes import Homes
 from thinknav_trainer.summary import share_of, summarize
@@ -89,18 +89,25 @@ def train(
     """Collect, learn, log, save, until the step budget is spent or the user interrupts; the last checkpoint's path.
 
     With a warm start, imitate first.
-    recording: replies come from it, in its order, and `planner` is the one that it recorded. workers: those that train
+    recording: replies come from it, in its order, and `planner` is the one that it recorded; validation episodes are
+    not played then, for nobody could answer. workers: those that train
     this policy; each calls `train`, and the first writes it down.
     Raises TrainingDiverged, Unavailable when the planner has been gone too long, and WorkerLost.
     """
     config = run.config
+    if recording is not None:
+        homes = replace(homes, validation=[])
     session = open_session(config, homes, planner, resume_from, recording, workers)
     log_planner(run, session)
+    started = time.monotonic()
     if resume_from is None:
         run.checkpoint(snapshot(session, config))
     if session.steps < config.warm_start.steps:
-        imitate(session, run, interruption)
-    started = time.monotonic()
+        begun = checkpoint_path(run.folder, session.steps)
+        if not imitate(session, run, interruption):
+            logger.info("stopped in its warm start, which begins anew when the run goes on")
+            return begun
+        run.checkpoint(snapshot(session, config))
     due = session.steps + config.checkpoint_every
     with progress_bar("training", config.total_steps, session.steps) as bar:
         while session.steps < config.total_steps and not any_of(workers, interruption.requested):
@@ -161,8 +168,11 @@ def named_losses(losses: dict[str, float]) -> dict[str, float]:
     return {f"losses/{name}": value for name, value in losses.items()}
 
 
-def imitate(session: Session, run: Run | RunElsewhere, interruption: Interruption) -> None:
-    """The warm start: demonstrations and cloning in turn, then new episodes for PPO, and a checkpoint."""
+def imitate(session: Session, run: Run | RunElsewhere, interruption: Interruption) -> bool:
+    """The warm start: demonstrations and cloning in turn, then new episodes for PPO; whether it came to its end.
+
+    There are no checkpoints within: they would have to hold all that was shown. Raises TrainingDiverged.
+    """
     config = run.config
     workers = session.workers
     seed = seed_of(config.seed, workers.rank)
@@ -172,14 +182,15 @@ def imitate(session: Session, run: Run | RunElsewhere, interruption: Interruptio
     with progress_bar("imitating", config.warm_start.steps, session.steps) as bar:
         wanted = min(config.warm_start.steps, config.total_steps)
         while session.steps < wanted and not any_of(workers, interruption.requested):
-            rollout = shown.collect(own=config.warm_start.own_share * session.steps / wanted)
-            with session.collector.stopwatch("learn"):
-                losses = cloner.update(rollout)
+            with dumped(session, run):
+                rollout = shown.collect(own=config.warm_start.own_share * session.steps / wanted)
+                with session.collector.stopwatch("learn"):
+                    losses = cloner.update(rollout)
             session.learning.follow()
             log_update(session, run, named_losses(losses), len(rollout))
             bar.update(session.steps, f"accuracy {losses['cloning_accuracy']:.2f}")
     session.collector.restart(session.learner.policy)
-    run.checkpoint(snapshot(session, config))
+    return session.steps >= wanted
 
 
 def log_update(

@@ -7,6 +7,7 @@ what the demonstrator would have done: who has only seen others do well does not
 (Ross et al. 2011, DAgger).
 """
 
+import math
 from collections import deque
 from dataclasses import replace
 
@@ -19,6 +20,7 @@ from thinknav_trainer.agents import Demonstrator
 from thinknav_trainer.collector import Collector, timeout_bonus
 from thinknav_trainer.config import PPOConfig, WarmStartConfig
 from thinknav_trainer.data_parallel import average_gradients
+from thinknav_trainer.dumps import NotFinite
 from thinknav_trainer.foresight import foresight_of
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.precision import autocast
@@ -65,6 +67,7 @@ class Demonstrations:
             decision = replace(chosen, actions=torch.from_numpy(taken))
             with stopwatch("step"):
                 step = self._env.step(taken)
+            self._collector.require_finite(np.arange(self._env.num_envs), decision, step)
             done = step.terminated | step.truncated
             log.add(
                 Transitions(
@@ -150,7 +153,10 @@ class Cloner:
             self._optimizer.zero_grad(set_to_none=True)
             loss.backward()  # type: ignore[no-untyped-call]
             losses = average_gradients(self._policy.parameters(), losses, len(rows), self._workers)
-            torch.nn.utils.clip_grad_norm_(self._policy.parameters(), self._config.max_grad_norm)
+            norm = torch.nn.utils.clip_grad_norm_(self._policy.parameters(), self._config.max_grad_norm).item()
+            wrong = [name for name, value in {**losses, "gradients": norm}.items() if not math.isfinite(value)]
+            if wrong:
+                raise NotFinite(f"{', '.join(wrong)} in the warm start", {})
             self._optimizer.step()
             for name, value in losses.items():
                 sums[name] = sums.get(name, 0.0) + value

@@ -4,6 +4,7 @@ import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 
 import msgpack
 import numpy as np
@@ -87,6 +88,15 @@ def test_what_is_no_url_is_unavailable_and_named(url: str) -> None:
     with pytest.raises(Unavailable) as raised:
         connect(url)
     assert url.rstrip("/") in str(raised.value)
+
+
+def test_an_authority_that_is_none_and_a_host_that_cannot_be_are_told(tmp_path: Path) -> None:
+    (tmp_path / "ca.pem").write_text("no certificate")
+    for name in ("ca.pem", "gone.pem"):
+        with pytest.raises(Unavailable, match=rf"planner\.tls_ca: .*{name} cannot be used"):
+            HttpTransport("https://127.0.0.1:1", tls_ca=tmp_path / name)
+    with pytest.raises(Unavailable, match="cannot be reached"):
+        HttpTransport("http://a..b:80").info()
 
 
 def test_another_web_server_is_a_mismatch() -> None:

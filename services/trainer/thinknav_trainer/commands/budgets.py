@@ -73,7 +73,7 @@ def budgets(
         protocol = {"checkpoint": str(checkpoint), "split": name, "episodes": len(points[OWN][0].records)}
         path = write_curves(folder, protocol, curves)
         Console().print(_table(curves))
-        Console().print(f"curves: {path}", soft_wrap=True)
+        typer.echo(f"curves: {path}")
     raise typer.Exit(interrupted.exit_code)
 
 
@@ -90,8 +90,8 @@ def _others(paths: Sequence[Path], like: Point) -> list[Point]:
     for path in paths:
         records = read_evaluation(find_evaluation(path))[1]
         require_same_episodes("these points", like.records, str(path), records)
-        of_id = {record.episode_id: record for record in records}
-        points.append(Point(path.name, [of_id[record.episode_id] for record in like.records]))
+        theirs = {record.episode: record for record in records}
+        points.append(Point(path.name, [theirs[record.episode] for record in like.records]))
     return points
 
 

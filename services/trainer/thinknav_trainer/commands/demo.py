@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import typer
-from rich.console import Console
 
 from thinknav_trainer.commands.options import Overrides, Preset, Runs
 from thinknav_trainer.config import load_config
@@ -21,5 +20,5 @@ def demo(
     with interruption() as interrupted:
         page = run_demo(runs / "demo", config, interrupted)
     if page is not None:
-        Console().print(f"report: {page}", soft_wrap=True)
+        typer.echo(f"report: {page}")
     raise typer.Exit(interrupted.exit_code)

@@ -44,7 +44,7 @@ def make(
         table.add_row(candidate.name, f"{candidate.complexity:.2f}", *counts)
     Console().print(table)
     for name in splits:
-        Console().print(f"{name}: {output / name / f'{name}.json.gz'}", soft_wrap=True)
+        typer.echo(f"{name}: {output / name / f'{name}.json.gz'}")
 
 
 @app.command()
@@ -61,4 +61,4 @@ def check(path: Annotated[Path, typer.Argument(help="a .json or .json.gz file, o
         mean = sum(e.geodesic_distance for e in read if e.object_category == category) / count
         table.add_row(category, str(count), f"{mean:.2f} m")
     Console().print(table)
-    Console().print(f"scenes: {', '.join(sorted({episode.scene_name for episode in read}))}", soft_wrap=True)
+    typer.echo(f"scenes: {', '.join(sorted({episode.scene_name for episode in read}))}")

@@ -134,7 +134,7 @@ def evaluate(
             title = f"episodes of {where.name}, agent {agent}"
     if not interrupted.requested:
         print_summary(title, records)
-        Console().print(f"result: {folder / 'result.json'}", soft_wrap=True)
+        typer.echo(f"result: {folder / 'result.json'}")
     raise typer.Exit(interrupted.exit_code)
 
 
@@ -189,4 +189,4 @@ def print_summary(title: str, records: list[EpisodeRecord]) -> None:
         table.add_row(name, f"{row['mean']:.3f}", f"{row['low']:.3f} to {row['high']:.3f}")
     Console().print(table)
     failures = ", ".join(f"{cause} {count}" for cause, count in count_failures(records).items())
-    Console().print(f"failures: {failures or 'none'}", soft_wrap=True)
+    typer.echo(f"failures: {failures or 'none'}")

@@ -89,6 +89,8 @@ def _conduct(chosen: Experiment, wanted: Wanted, runs: Path, results: Path | Non
     with interruption() as interrupted:
         if table:
             done = Done(write_results(chosen, place, wanted))
+            if done.page is None:
+                raise ConfigError(f"nothing of {chosen.full_name} is done yet in {place}; see --results")
         else:
             done = run_experiment(chosen, folder, place, interrupted, wanted)
     console = Console(soft_wrap=True, markup=False, highlight=False)

@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from thinknav_sim.homes import generate_home
 from thinknav_trainer.config import ConfigError
@@ -30,4 +29,4 @@ def show(
         raise ConfigError(f"--output {output} is not a folder")
     scene = generate_home(seed, rooms)
     for path in write_home_pictures(scene, output):
-        Console().print(str(path), soft_wrap=True)
+        typer.echo(str(path))

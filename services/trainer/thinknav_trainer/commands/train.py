@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
 from thinknav_trainer.commands.options import Overrides, Preset, Runs
 from thinknav_trainer.config import ConfigError, TrainConfig, change_config, load_config
@@ -53,5 +52,5 @@ def train(
     with interruption() as interrupted, join_workers(configure) as (workers, config):
         path = train_run(runs / name, config, interrupted, resume, replay=replay, workers=workers)
     if workers.rank == 0:
-        Console().print(f"checkpoint: {path}", soft_wrap=True)
+        typer.echo(f"checkpoint: {path}")
     raise typer.Exit(interrupted.exit_code)

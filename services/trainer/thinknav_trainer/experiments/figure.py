@@ -83,7 +83,10 @@ def _over_seeds(lines: Sequence[Line], measure: str) -> _Curve:
         steps = np.array(line["curve"]["steps"], float)
         values = np.array([np.nan if value is None else value for value in line["curve"][measure]], float)
         there = ~np.isnan(values)
-        curves.append((steps[there], values[there]))
+        if there.any():
+            curves.append((steps[there], values[there]))
+    if not curves:  # no episode ended in all of the training
+        return np.empty(0), np.empty(0), None
     begin, end = max(steps[0] for steps, _ in curves), min(steps[-1] for steps, _ in curves)
     common = np.linspace(begin, end, _POINTS)
     rows = np.stack([np.interp(common, steps, values) for steps, values in curves])

@@ -26,7 +26,7 @@ class Ledger:
         self.name = name
         self.path = folder / f"{name}.runs.jsonl"
         self._lines: dict[tuple[str, int, str], Line] = {}
-        for number, text in enumerate(self.path.read_text().splitlines() if self.path.exists() else (), 1):
+        for number, text in enumerate(_texts(self.path), 1):
             try:
                 line = json.loads(text)
                 self._lines[line["arm"], line["seed"], line["digest"]] = line
@@ -47,11 +47,19 @@ class Ledger:
     def add(self, line: Line) -> None:
         """A job is done. The line is on the disk when this returns."""
         self.folder.mkdir(parents=True, exist_ok=True)
+        whole = not self.path.exists() or self.path.read_bytes()[-1:] in (b"", b"\n")
         with self.path.open("a") as file:
-            file.write(json.dumps(line, separators=(",", ":"), allow_nan=False) + "\n")
+            file.write(("" if whole else "\n") + json.dumps(line, separators=(",", ":"), allow_nan=False) + "\n")
             file.flush()
             os.fsync(file.fileno())
         self._lines[line["arm"], line["seed"], line["digest"]] = line
+
+
+def _texts(path: Path) -> list[str]:
+    try:
+        return path.read_text().splitlines() if path.exists() else []
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{path} is no ledger: {error}") from None
 
 
 @functools.cache

@@ -108,6 +108,10 @@ def train_small(plan: FramePlan, training: SmallTraining, folder: Path, interrup
     checkpoint = folder / "checkpoint.pt"
     identity = repr((asdict(training) | {"batches": None}, plan, str(clip.space)))
     done = _restore(checkpoint, identity, tower, optimizer)
+    if done > training.batches:
+        raise WeightsError(
+            f"{checkpoint} has seen {done} batches already; ask for as many or more, or use another folder"
+        )
     if done == training.batches:
         return tower
     with torch_threads(1), progress_bar("clip-small", training.batches, done, "batches") as bar:

@@ -89,6 +89,10 @@ def train_clip(
     checkpoint = folder / "checkpoint.pt"
     done = _restore(checkpoint, model, optimizer, training, plan)
     folder.mkdir(parents=True, exist_ok=True)
+    if done > training.batches:
+        raise WeightsError(
+            f"{checkpoint} has seen {done} batches already; ask for as many or more, or use another folder"
+        )
     if done == training.batches:
         return model
     batches = clip_batches(plan, vocabulary, done)

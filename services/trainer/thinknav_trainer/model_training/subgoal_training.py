@@ -16,6 +16,7 @@ from torch.utils.data import DataLoader
 
 from thinknav_models.subgoal_language import Vocabulary
 from thinknav_models.subgoal_network import IMAGE_SIZE, NetworkConfig, SubgoalNetwork
+from thinknav_trainer.errors import UserError
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.model_training.frames import HomeSource, SceneSource
 from thinknav_trainer.model_training.lessons import Lesson, LessonStream
@@ -39,7 +40,7 @@ _NOTED = 50  # updates that a loss in the progress bar is the mean of, roughly
 Lessons = Iterator[list[Lesson]]
 
 
-class SchoolingError(ValueError):
+class SchoolingError(UserError):
     """Teaching that cannot go on; the message says why, and what to do."""
 
 

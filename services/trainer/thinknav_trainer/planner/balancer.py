@@ -250,7 +250,8 @@ class Balancer:
     def _probed(self, member: Member, probe: "Future[bytes]") -> None:
         try:
             self._introduce(member, decode_info(probe.result()))
-        except PlannerError as error:
+        except Exception as failure:
+            error = failure if isinstance(failure, PlannerError) else Unavailable(f"{member.name} failed: {failure!r}")
             with self._changed:
                 member.end_probe(time.monotonic())
                 another = self._another_serves(member)

@@ -7,7 +7,8 @@ planner may take its whole deadline.
 import threading
 from collections.abc import Callable
 from concurrent.futures import Future
-from queue import SimpleQueue
+from contextlib import suppress
+from queue import Empty, SimpleQueue
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
@@ -38,10 +39,10 @@ class DaemonThreads(Generic[T]):
 
     def close(self) -> None:
         """Let idle threads end. Calls that wait are cancelled; what runs may run on, and is heard no more."""
-        while not self._calls.empty():
-            waiting = self._calls.get()
-            if waiting is not None:
-                waiting[0].cancel()
+        with suppress(Empty):
+            while True:  # the threads take from it as well
+                if (waiting := self._calls.get_nowait()) is not None:
+                    waiting[0].cancel()
         for _ in range(self._started):
             self._calls.put(None)
 

@@ -69,7 +69,7 @@ class HttpTransport:
         headers = {"Accept": CONTENT_TYPE} | ({"Authorization": f"Bearer {token}"} if token else {})
         # As many connections as are asked for: how many requests are under way at once is for the client to limit.
         limits = httpx.Limits(max_connections=None, max_keepalive_connections=MAX_IDLE_CONNECTIONS)
-        verify = ssl.create_default_context(cafile=tls_ca) if tls_ca else self._url.startswith("https://")
+        verify = _authority(tls_ca) if tls_ca else self._url.startswith("https://")
         self._client = httpx.Client(trust_env=False, headers=headers, limits=limits, verify=verify)
 
     def info(self) -> PlannerInfo:
@@ -100,7 +100,8 @@ class HttpTransport:
             raise self._unreachable(error) from None
         except (httpx.ReadTimeout, httpx.WriteTimeout):
             raise DeadlineExceeded(f"the service at {self._url} did not answer within {timeout:g} s") from None
-        except (httpx.HTTPError, httpx.InvalidURL, RuntimeError) as error:  # RuntimeError: closed meanwhile
+        except (httpx.HTTPError, httpx.InvalidURL, UnicodeError, RuntimeError) as error:
+            # UnicodeError: a name that no host can have. RuntimeError: closed meanwhile.
             raise Unavailable(f"the service at {self._url} cannot be reached: {_reason(error)}") from None
         if response.headers.get("content-type", "").partition(";")[0].strip().lower() == CONTENT_TYPE:
             return response.content
@@ -140,3 +141,11 @@ class HttpLink:
 
 def _reason(error: Exception) -> str:
     return " ".join(str(error).split())[:200] or type(error).__name__
+
+
+def _authority(tls_ca: Path) -> ssl.SSLContext:
+    try:
+        return ssl.create_default_context(cafile=tls_ca)
+    except (OSError, ssl.SSLError) as error:
+        reason = error.strerror or str(error)
+        raise Unavailable(f"planner.tls_ca: {tls_ca} cannot be used as a PEM file of certificates: {reason}") from None

@@ -34,9 +34,13 @@ def write_report(folder: Path) -> Path:
     """Draw curves, map and video of an evaluated run; the page's path. Raises RunError."""
     config = read_config(folder)
     metrics = read_metrics(folder)
-    evaluations = [read_evaluation(path.parent) for path in sorted((folder / "evaluations").glob("*/result.json"))]
+    evaluations = [
+        read_evaluation(path.parent) for path in sorted((folder / "evaluations").glob("*-held_out/result.json"))
+    ]
     if not evaluations:
-        raise RunError(f"{folder} has no evaluation to report; run thinknav eval on one of its checkpoints first")
+        raise RunError(
+            f"{folder} has no evaluation on held-out episodes to report; run thinknav eval on one of its checkpoints"
+        )
     if not metrics:
         raise RunError(f"{folder}/metrics.jsonl is empty: nothing was trained")
     chosen = choose_episode(evaluations[-1][1])
