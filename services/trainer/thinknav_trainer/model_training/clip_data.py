@@ -17,6 +17,7 @@ from torch.utils.data import DataLoader, IterableDataset
 from thinknav_models.clip.tokens import Vocabulary, split_words
 from thinknav_sim.render import set_render_threads
 from thinknav_trainer.model_training.clip_towers import PADDING
+from thinknav_trainer.model_training.drawn_ahead import drawn_ahead
 from thinknav_trainer.model_training.frames import FrameMaker, FramePlan
 from thinknav_trainer.model_training.grammar import (
     DIRECTIONS,
@@ -110,4 +111,4 @@ def clip_batches(plan: FramePlan, vocabulary: Sequence[str], start: int = 0) -> 
         prefetch_factor=_PREFETCH,
         multiprocessing_context="spawn",
     )
-    return iter(loader)
+    return drawn_ahead(loader)

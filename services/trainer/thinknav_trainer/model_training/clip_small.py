@@ -24,6 +24,7 @@ from thinknav_sim.render import set_render_threads
 from thinknav_trainer.files import replacing
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.model_training.clip_towers import CELL_FEATURES, STEM_CHANNELS, Convolutions
+from thinknav_trainer.model_training.drawn_ahead import drawn_ahead
 from thinknav_trainer.model_training.frames import FrameMaker, FramePlan
 from thinknav_trainer.precision import autocast
 from thinknav_trainer.progress import progress_bar
@@ -147,7 +148,7 @@ def views(plan: FramePlan, start: int = 0) -> Iterator[tuple[Tensor, Tensor]]:
         prefetch_factor=_PREFETCH,
         multiprocessing_context="spawn",
     )
-    return iter(loader)
+    return drawn_ahead(loader)
 
 
 def _schedule(training: SmallTraining, done: int) -> float:

@@ -18,6 +18,7 @@ from thinknav_models.subgoal_language import Vocabulary
 from thinknav_models.subgoal_network import IMAGE_SIZE, NetworkConfig, SubgoalNetwork
 from thinknav_trainer.errors import UserError
 from thinknav_trainer.interrupt import Interruption
+from thinknav_trainer.model_training.drawn_ahead import drawn_ahead
 from thinknav_trainer.model_training.frames import HomeSource, SceneSource
 from thinknav_trainer.model_training.lessons import Lesson, LessonStream
 from thinknav_trainer.model_training.sentences import all_words
@@ -159,7 +160,7 @@ def draw_lessons(schooling: Schooling, update: int, source: SceneSource = HomeSo
         prefetch_factor=4,
         multiprocessing_context="spawn",
     )
-    return iter(loader)
+    return drawn_ahead(loader)
 
 
 def _rate(update: int, schooling: Schooling) -> float:
