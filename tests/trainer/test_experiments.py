@@ -107,6 +107,10 @@ def test_an_experiment_is_interrupted_goes_on_and_is_not_done_twice(tmp_path: Pa
     done = run_experiment(SMALL, runs, results, Interruption(), wanted)
     assert (done.page, done.failures) == (results / "first-light-smoke.md", [])
     result = json.loads((results / "first-light-smoke.json").read_text())
+    assert result["protocol"]["command"].endswith(" --set planner.privileged.error=0.5")
+    assert result["protocol"]["overrides"]["all"][-1] == "planner.privileged.error=0.5"
+    write_results(SMALL, results, replace(wanted, seeds=1))  # what is there is told, whatever is wanted
+    assert json.loads((results / "first-light-smoke.json").read_text()) == result
     with patch.object(work, "train_run", side_effect=AssertionError("it was trained before")):
         # The ledger alone is enough; so are the runs alone.
         assert run_experiment(SMALL, tmp_path / "none", results, Interruption(), wanted).failures == []

@@ -66,6 +66,7 @@ class Experiment:
     baseline, best: arms; ratios of `best` and of `agent-paper` over the baseline are told where there are any.
     drawn: arms whose learning curves are drawn, the first eight of all unless said. quick: the form of minutes.
     smoke: arms of the form of seconds, all unless said. reproduces: the paper, by a command of its own.
+    changed: what the user sets over the overrides of every arm.
     """
 
     name: str
@@ -83,20 +84,21 @@ class Experiment:
     smoke: tuple[str, ...] = ()
     reproduces: bool = False
     form: str = ""
+    changed: tuple[str, ...] = ()
 
     @property
     def full_name(self) -> str:
         """With its form: "single-quick"."""
         return f"{self.name}-{self.form}" if self.form else self.name
 
-    def config(self, arm: Arm | AgentRow, seed: int, overrides: Sequence[str] = ()) -> TrainConfig:
+    def config(self, arm: Arm | AgentRow, seed: int) -> TrainConfig:
         """The configuration of a run. Raises ConfigError."""
         layers = (*self.overrides, *arm.overrides)
         if self.form != "smoke":
-            return load_config(self.preset, None, (*layers, *overrides, f"seed={seed}"))
+            return load_config(self.preset, None, (*layers, *self.changed, f"seed={seed}"))
         config = load_config("smoke", None, (*layers, *_SMOKE))
         shorter = (_SMOKE_WARM_START,) if config.warm_start.steps else ()
-        return change_config(config, overrides=(*shorter, *overrides, f"seed={seed}"))
+        return change_config(config, overrides=(*shorter, *self.changed, f"seed={seed}"))
 
     def seeds_of(self, arm: Arm, seeds: int | None = None) -> int:
         """How many seeds an arm has. seeds: what the user wants."""

@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -64,13 +63,13 @@ def without_machine(config: TrainConfig) -> TrainConfig:
     return config.model_copy(update={"threads": 0, "workers": WorkersConfig(), "keep_checkpoints": 3})
 
 
-def jobs_of(experiment: Experiment, seeds: int | None = None, overrides: Sequence[str] = ()) -> list[Job]:
+def jobs_of(experiment: Experiment, seeds: int | None = None) -> list[Job]:
     """All of an experiment: the rows, then one seed of each arm, then the next. Raises ConfigError."""
     name, where = experiment.full_name, experiment.evaluated_in
-    rows = [Job(name, row.name, 0, experiment.config(row, 0, overrides), where, row.agent) for row in experiment.rows]
+    rows = [Job(name, row.name, 0, experiment.config(row, 0), where, row.agent) for row in experiment.rows]
     most = max((experiment.seeds_of(arm, seeds) for arm in experiment.arms), default=0)
     runs = [
-        Job(name, arm.name, seed, experiment.config(arm, seed, overrides), where)
+        Job(name, arm.name, seed, experiment.config(arm, seed), where)
         for seed in range(most)
         for arm in experiment.arms
         if seed < experiment.seeds_of(arm, seeds)

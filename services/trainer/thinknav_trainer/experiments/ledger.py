@@ -36,6 +36,11 @@ class Ledger:
     def __len__(self) -> int:
         return len(self._lines)
 
+    @property
+    def most_seeds(self) -> int | None:
+        """How many seeds an arm has at most, if there is any line: those from 0 to the highest."""
+        return max((seed + 1 for _, seed, _ in self._lines), default=None)
+
     def find(self, job: Job) -> Line | None:
         """The line of a job, if it is done."""
         return self._lines.get(job.key)

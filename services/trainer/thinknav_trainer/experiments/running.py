@@ -6,7 +6,7 @@ Knows jobs and lines; nothing of what the arms mean.
 import logging
 import traceback
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from thinknav_trainer.experiments.experiment import Experiment
@@ -51,8 +51,8 @@ def run_experiment(
     runs: the folder of this experiment's runs. results: that of its ledger, table and figures. When the user
     interrupts, the same call goes on later. Raises ConfigError before anything is done.
     """
-    chosen = experiment.with_arms(wanted.arms) if wanted.arms else experiment
-    jobs = jobs_of(chosen, wanted.seeds, wanted.overrides)
+    experiment = replace(experiment, changed=wanted.overrides)
+    jobs = jobs_of(experiment.with_arms(wanted.arms) if wanted.arms else experiment, wanted.seeds)
     ledger = Ledger(results, experiment.full_name)
     missing = [job for job in jobs if ledger.find(job) is None]
     logger.info("%s: %d of %d jobs are done", experiment.full_name, len(jobs) - len(missing), len(jobs))
@@ -70,9 +70,10 @@ def run_experiment(
 
 def write_results(experiment: Experiment, results: Path, wanted: Wanted = Wanted()) -> Path | None:
     """Table and figures of what the ledger has, in its folder; the path of the table, none of an empty ledger."""
-    usual, more = (jobs_of(experiment, seeds, wanted.overrides) for seeds in (None, wanted.seeds))
-    jobs = list({job.key: job for job in (*usual, *more)}.values())
-    lines = Ledger(results, experiment.full_name).lines_of(jobs)
+    experiment = replace(experiment, changed=wanted.overrides)
+    ledger = Ledger(results, experiment.full_name)
+    usual, more = (jobs_of(experiment, seeds) for seeds in (None, ledger.most_seeds))
+    lines = ledger.lines_of({job.key: job for job in (*usual, *more)}.values())
     return write_pages(experiment, lines, results) if lines else None
 
 

@@ -5,6 +5,7 @@ That of a ratio, or of a difference, is a percentile bootstrap over seeds: each 
 independently of the other's, for a seed of one has nothing in common with the same one of another.
 """
 
+import shlex
 from collections.abc import Sequence
 from statistics import fmean
 from typing import Any
@@ -122,7 +123,7 @@ def protocol_of(experiment: Experiment, arms: dict[str, list[Line]], lines: Sequ
         "privileged_planner": {name: own[0]["privileged"] for name, own in arms.items()},
         "same_rgb_features": _same_features(experiment),
         "overrides": {
-            "all": list(experiment.overrides),
+            "all": [*experiment.overrides, *experiment.changed],
             **{arm.name: list(arm.overrides) for arm in experiment.arms},
             **{row.name: list(row.overrides) for row in experiment.rows},
         },
@@ -134,7 +135,8 @@ def protocol_of(experiment: Experiment, arms: dict[str, list[Line]], lines: Sequ
 def command_of(experiment: Experiment) -> str:
     """What to type to get the same again."""
     form = f" --{experiment.form}" if experiment.form else ""
-    return f"thinknav {'reproduce' if experiment.reproduces else 'experiment'} {experiment.name}{form}"
+    changed = "".join(f" --set {shlex.quote(override)}" for override in experiment.changed)
+    return f"thinknav {'reproduce' if experiment.reproduces else 'experiment'} {experiment.name}{form}{changed}"
 
 
 def _conditions(experiment: Experiment) -> dict[str, tuple[int, bool]]:
