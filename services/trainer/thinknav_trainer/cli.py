@@ -9,7 +9,7 @@ import sys
 from rich.console import Console
 from rich.logging import RichHandler
 
-from thinknav_trainer.errors import exit_status
+from thinknav_trainer.errors import exit_status, file_problem
 from thinknav_trainer.lazy_commands import Lazy, lazy_app
 from thinknav_trainer.torchrun_environment import own_rank, started_by_torchrun
 
@@ -68,8 +68,5 @@ def main() -> None:
 
 def _fail(error: BaseException, status: int) -> None:
     speaker = f"thinknav (worker {own_rank()})" if started_by_torchrun() else "thinknav"
-    said = str(error)
-    if isinstance(error, OSError) and error.filename is not None:
-        said = f"{error.filename}: {error.strerror}"
-    sys.stderr.write(f"{speaker}: {said}\n")
+    sys.stderr.write(f"{speaker}: {file_problem(error) or error}\n")
     sys.exit(status)
