@@ -22,7 +22,7 @@ from thinknav_trainer.run import Run
 from thinknav_trainer.scenes import Homes
 from thinknav_trainer.train import train
 from thinknav_trainer.when_to_think import WhenToThink
-from thinknav_trainer.workflow import connect_if_thinking, evaluation_folder
+from thinknav_trainer.workflow import connect_if_thinking, evaluation_folder, own_split
 
 
 def record(number: int, thinks: float, spl: float) -> EpisodeRecord:
@@ -108,19 +108,21 @@ def test_a_checkpoint_is_played_at_every_budget(tmp_path: Path, smoke: TrainConf
     with ExitStack() as stack:
         last = train(run, homes, connect_if_thinking(config, stack), Interruption())
     run.close()
-    manners = [WhenToThink(bias=-20), WhenToThink(), WhenToThink(bias=3), WhenToThink(every=10)]
+    own, clocked = [WhenToThink(bias=-20), WhenToThink(), WhenToThink(bias=3)], [WhenToThink(every=10)]
     folder = evaluation_folder(last, "held_out", "budgets")
-    points = evaluate_budgets(last, manners, folder, Interruption())
+    played = own_split(config, "held_out", homes)
+    found = evaluate_budgets(last, {"own choice": own, "clock": clocked}, played, folder, Interruption())
+    points = [*found["own choice"], *found["clock"]]
     never, learnt, often, clock = [float(each.values("think_rate").mean()) for each in points]
     assert never == 0
     assert 0.1 < learnt < 0.4 < often
     assert clock == pytest.approx(0.1, abs=0.02)
-    for each, manner in zip(points, manners, strict=True):
+    for each, manner in zip(points, [*own, *clocked], strict=True):
         result = json.loads((folder / manner.name / "result.json").read_text())
         assert result["protocol"]["thinking"] == {"bias": manner.bias, "every": manner.every}
         assert result["summary"]["thinks"]["mean"] == pytest.approx(each.values("thinks").mean())
     assert Checkpoint.load(last).policy["actor.bias"][Action.THINK] > -1  # the file is as it was
-    svg = write_curves(folder, {}, [Curve.of("own choice", points[:3]), Curve.of("clock", points[3:])])
+    svg = write_curves(folder, {}, [Curve.of(name, each) for name, each in found.items()])
     assert svg.read_text().startswith("<svg")
     written = json.loads((folder / "curves.json").read_text())
     assert [row["name"] for row in written["curves"]["own choice"]] == ["bias-20", "bias+0", "bias+3"]
@@ -137,10 +139,13 @@ def plain(tmp_path_factory: pytest.TempPathFactory, smoke: TrainConfig, homes: H
     return last
 
 
-def test_an_interrupted_measurement_ends_with_what_it_has(tmp_path: Path, plain: Path) -> None:
+def test_an_interrupted_measurement_ends_with_what_it_has(
+    tmp_path: Path, plain: Path, smoke: TrainConfig, homes: Homes
+) -> None:
     interrupted = Interruption()
     interrupted.request(2)
-    assert evaluate_budgets(plain, [WhenToThink()], tmp_path / "out", interrupted) == []
+    played = own_split(smoke, "held_out", homes)
+    assert evaluate_budgets(plain, {"own": [WhenToThink()]}, played, tmp_path / "out", interrupted) == {"own": []}
 
 
 def test_other_evaluations_are_points_of_a_curve_of_their_own(plain: Path) -> None:
@@ -165,7 +170,7 @@ def test_other_evaluations_are_points_of_a_curve_of_their_own(plain: Path) -> No
     [
         (
             ["--agent", "random", "--think-bias", "-1"],
-            "are for the policy of a checkpoint",
+            "--think-bias: for the policy of a checkpoint",
         ),
         (["--think-bias", "-1"], "think.strategy never cannot think in the manner bias-1"),
         (["--think-every", "5"], "think.strategy never cannot think in the manner every-5"),
@@ -185,10 +190,18 @@ def test_manners_are_refused_by_the_command_too(plain: Path, command: list[str],
         (["--biases", ""], "--biases names no point"),
         (["--every", "5,0"], "--every takes numbers of steps from 1 on"),
         (["--every", "5.5"], "--every takes numbers separated by commas, not '5.5'"),
+        (["--biases", "0,nan"], "a bias of thinking is a finite number, not nan"),
+        (["--every", "5", "--biases", "0"], "think.strategy never cannot think in the manner every-5"),
         (["--homes", "val:0-1", "--episodes-file", "x.json"], "either --homes or --episodes-file"),
+        (["--homes", "val:0-1", "--split", "train"], "--split: a split of the run is not played where val:0-1 is"),
+        (["--episodes", "9"], "--episodes: a split of the run is played whole"),
+        (["--against", "absent"], "absent holds no evaluation"),
+        (["--output", __file__], "is not a folder"),
     ],
 )
-def test_budgets_that_name_nothing_are_refused(plain: Path, options: list[str], words: str) -> None:
+def test_budgets_that_cannot_be_played_are_refused_before_any_is(plain: Path, options: list[str], words: str) -> None:
+    before = sorted(plain.parents[1].rglob("*"))
     done = CliRunner().invoke(app, ["budgets", str(plain), *options])
     assert isinstance(done.exception, ConfigError)
     assert words in str(done.exception)
+    assert sorted(plain.parents[1].rglob("*")) == before

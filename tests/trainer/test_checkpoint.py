@@ -1,8 +1,11 @@
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from thinknav_trainer.checkpoint import Checkpoint, CheckpointError
 
@@ -77,3 +80,35 @@ def test_another_embedding_space_is_refused_and_both_are_named() -> None:
     with pytest.raises(CheckpointError, match="words@1234, the planner here gives clip@5678"):
         checkpoint().require(ACTIONS, "clip@5678")
     checkpoint().require(ACTIONS, "words@1234")
+
+
+def test_a_checkpoint_that_lacks_something_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "1.pt"
+    checkpoint().save(path)
+    values = torch.load(path, weights_only=True)
+    for name in ("steps", "action_space"):
+        torch.save({key: value for key, value in values.items() if key != name}, path)
+        with pytest.raises(CheckpointError, match=rf"1\.pt is a checkpoint that lacks something: .*{name}"):
+            Checkpoint.load(path)
+
+
+@pytest.fixture(scope="module")
+def damaged(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("damaged") / "1.pt"
+    checkpoint().save(path)
+    return path
+
+
+@pytest.mark.filterwarnings("ignore:Detected pickle protocol")
+@settings(max_examples=200, deadline=None)
+@given(data=st.data())
+def test_whatever_bytes_are_damaged_the_file_is_named(damaged: Path, data: st.DataObject) -> None:
+    """Zip archive, pickle and tensors alike: a run that goes on takes the checkpoint before then."""
+    content = damaged.read_bytes()
+    spoilt = bytearray(content)
+    for place in data.draw(st.lists(st.integers(0, len(content) - 1), min_size=1, max_size=3)):
+        spoilt[place] = data.draw(st.integers(0, 255))
+    path = damaged.with_name("spoilt.pt")
+    path.write_bytes(spoilt)
+    with suppress(CheckpointError):  # some bytes do not matter
+        Checkpoint.load(path)

@@ -35,6 +35,8 @@ def test_layers_override_one_another(tmp_path: Path) -> None:
         ("env.think_action=true", "follows from think.strategy"),
         ("ppo.minibatches=1000", "ppo.minibatches 1000 is more than the sequences"),
         ("think={strategy: once, dropout: 0.1}", "think.dropout is for strategies agent and every_n, not once"),
+        ("scenes.chosen=[3,99999999]", "there is no home 99999999: the training range has 1000000, from 0 on"),
+        ("scenes.first_home=1000000", "there is no home 1000000"),
         ("scenes.min_distance=40", "min_distance 40.0 is not below max_distance 30.0"),
     ],
 )
@@ -50,6 +52,9 @@ def test_wrong_files_are_named(tmp_path: Path) -> None:
         (tmp_path / "bad.yaml").write_text(text)
         with pytest.raises(ConfigError, match=words):
             load_config("cpu", tmp_path / "bad.yaml")
+    (tmp_path / "bad.yaml").write_bytes(b"\x80\x04K")
+    with pytest.raises(ConfigError, match=r"bad\.yaml is not YAML: it is no text"):
+        load_config("cpu", tmp_path / "bad.yaml")
     with pytest.raises(ConfigError, match="no preset 'cpus'; did you mean 'cpu'"):
         load_config("cpus")
 

@@ -112,6 +112,8 @@ def test_a_gradient(tmp_path: Path, smoke: TrainConfig, homes: Homes, monkeypatc
 
 def test_a_file_that_is_no_dump_is_named(tmp_path: Path) -> None:
     (tmp_path / "x.pt").write_text("hello")
-    for name in ("x.pt", "absent.pt"):
-        with pytest.raises(CheckpointError, match=f"{name} is no dump"):
+    torch.save({"policy": {}}, tmp_path / "other.pt")
+    for name, words in (("x.pt", "is no checkpoint"), ("absent.pt", "no checkpoint"), ("other.pt", "is no dump")):
+        with pytest.raises(CheckpointError, match=words) as refused:
             redo_dump(tmp_path / name)
+        assert name in str(refused.value)

@@ -1,13 +1,15 @@
 """A checkpoint at several budgets of thinks: evaluate each, and write the curves down.
 
-    points = evaluate_budgets(path, [WhenToThink(bias=b) for b in (-2, 0, 2)], folder, Interruption())
-    write_curves(folder, protocol, [Curve.of("its own choice", points)])
+    manners = {"its own choice": [WhenToThink(bias=b) for b in (-2, 0, 2)]}
+    points = evaluate_budgets(path, manners, own_split(config, "held_out"), folder, Interruption())
+    write_curves(folder, protocol, [Curve.of(name, found) for name, found in points.items()])
 
 Knows evaluations and curves; nothing of how a policy is played.
 """
 
+import itertools
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,45 +19,40 @@ from thinknav_trainer.config import parse_config
 from thinknav_trainer.episode_sets import EpisodeSet
 from thinknav_trainer.files import replace_text
 from thinknav_trainer.interrupt import Interruption
-from thinknav_trainer.scenes import make_homes
 from thinknav_trainer.when_to_think import WhenToThink
 from thinknav_trainer.workflow import evaluate_checkpoint
 
 
 def evaluate_budgets(
     checkpoint: Path,
-    manners: Sequence[WhenToThink],
+    manners: Mapping[str, Sequence[WhenToThink]],
+    played: EpisodeSet,
     folder: Path,
     interrupted: Interruption,
     planner_url: str | None = None,
-    split: str = "held_out",
-    elsewhere: EpisodeSet | None = None,
-) -> list[Point]:
-    """Play the same episodes in each manner, in turn; each evaluation lies in a folder of its own in `folder`.
+) -> dict[str, list[Point]]:
+    """Play the same episodes in each manner of each curve, in turn: the points by curve.
 
-    elsewhere: episodes in the place of a split of its run. Points that the user's interruption prevented are missing.
+    Each evaluation lies in a folder of its own in `folder`. Points that the user's interruption prevented are missing.
     Raises ConfigError for a manner that the policy cannot take, before anything is played.
     """
     config = parse_config(Checkpoint.load(checkpoint).config)
-    for manner in manners:
+    for manner in itertools.chain(*manners.values()):
         manner.configure(config)
-    homes = make_homes(config) if elsewhere is None else None
-    points = []
-    for manner in manners:
-        output = folder / manner.name
+    points: dict[str, list[Point]] = {curve: [] for curve in manners}
+    for curve, manner in ((curve, manner) for curve, each in manners.items() for manner in each):
         _, records = evaluate_checkpoint(
             checkpoint,
-            split,
+            played.name,
             interrupted,
             planner_url,
-            output=output,
-            homes=homes,
-            elsewhere=elsewhere,
+            output=folder / manner.name,
+            elsewhere=played,
             when=manner,
         )
         if interrupted.requested:
             break
-        points.append(Point(manner.name, records))
+        points[curve].append(Point(manner.name, records))
     return points
 
 

@@ -17,6 +17,17 @@ from thinknav_trainer.files import replacing
 
 FORMAT = 2
 _ARRAY = "__ndarray__"
+# A damaged file is followed wherever its bytes lead, so that reading it ends in almost any of Python's errors.
+_UNREADABLE = (
+    OSError,
+    RuntimeError,
+    EOFError,
+    ValueError,
+    LookupError,
+    TypeError,
+    AttributeError,
+    pickle.UnpicklingError,
+)
 
 
 class CheckpointError(UserError):
@@ -48,18 +59,15 @@ class Checkpoint:
     @classmethod
     def load(cls, path: Path) -> "Checkpoint":
         """Read it. Raises CheckpointError."""
-        try:
-            values = torch.load(path, map_location="cpu", weights_only=True)
-        except FileNotFoundError:
-            raise CheckpointError(f"there is no checkpoint {path}") from None
-        except (OSError, RuntimeError, EOFError, ValueError, KeyError, pickle.UnpicklingError) as error:
-            reason = (str(error).splitlines() or [type(error).__name__])[0]
-            raise CheckpointError(f"{path} is no checkpoint, or damaged: {reason}") from None
+        values = load_tensors(path)
         version = values.pop("thinknav_checkpoint", None) if isinstance(values, dict) else None
         if version != FORMAT:
             raise CheckpointError(f"{path} is not a ThinkNav checkpoint of format {FORMAT} (found {version})")
-        values["action_space"] = tuple(values["action_space"])
-        return cls(**{name: _unpack(value) for name, value in values.items()})
+        try:
+            values["action_space"] = tuple(values["action_space"])
+            return cls(**{name: _unpack(value) for name, value in values.items()})
+        except (TypeError, LookupError) as error:
+            raise CheckpointError(f"{path} is a checkpoint that lacks something: {error}") from None
 
     def require(self, action_space: tuple[str, ...], embedding_space: str | None) -> None:
         """Refuse to go on in another action space or embedding space. Raises CheckpointError that names both."""
@@ -73,6 +81,20 @@ class Checkpoint:
                 f"the checkpoint's policy reads thoughts of embedding space {self.embedding_space}, "
                 f"the planner here gives {embedding_space}; start the service with the other text encoder"
             )
+
+
+def load_tensors(path: Path, only_tensors: bool = True) -> Any:
+    """What `torch.save` wrote, wherever, on the CPU. Raises CheckpointError.
+
+    only_tensors: and plain values; without it, reading a file may run code that it holds.
+    """
+    try:
+        return torch.load(path, map_location="cpu", weights_only=only_tensors)
+    except FileNotFoundError:
+        raise CheckpointError(f"there is no checkpoint {path}") from None
+    except _UNREADABLE as error:
+        reason = (str(error).splitlines() or [type(error).__name__])[0]
+        raise CheckpointError(f"{path} is no checkpoint, or damaged: {reason}") from None
 
 
 def _pack(value: Any) -> Any:

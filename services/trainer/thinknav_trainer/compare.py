@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from thinknav_trainer.config import ConfigError
-from thinknav_trainer.records import MEASURES, EpisodeRecord, Summary, read_evaluation, summarize
+from thinknav_trainer.records import MEASURES, EpisodeKey, EpisodeRecord, Summary, read_evaluation, summarize
 from thinknav_trainer.statistics import bootstrap_interval
 
 
@@ -48,7 +48,7 @@ def read_evaluations(paths: Sequence[Path]) -> list[Evaluated]:
         for path, folder in ((path, find_evaluation(path)) for path in paths)
     ]
     for other in read[1:]:
-        require_same_episodes(str(read[0].folder), read[0].records, str(other.folder), other.records)
+        require_same_episodes(str(read[0].folder), episodes_of(read[0].records), str(other.folder), other.records)
     return read
 
 
@@ -68,12 +68,14 @@ def compare(evaluations: Sequence[Evaluated]) -> list[Column]:
     return columns
 
 
-def require_same_episodes(
-    one: str, records: Sequence[EpisodeRecord], other: str, other_records: Sequence[EpisodeRecord]
-) -> None:
+def episodes_of(records: Sequence[EpisodeRecord]) -> set[EpisodeKey]:
+    """Which episodes an evaluation is of."""
+    return {record.episode for record in records}
+
+
+def require_same_episodes(one: str, ours: set[EpisodeKey], other: str, records: Sequence[EpisodeRecord]) -> None:
     """Refuse to compare evaluations, so named, of different episodes. Raises ConfigError."""
-    ours = {record.episode for record in records}
-    theirs = {record.episode for record in other_records}
+    theirs = episodes_of(records)
     if ours != theirs:
         odd = min(ours ^ theirs)
         raise ConfigError(

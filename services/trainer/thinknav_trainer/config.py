@@ -13,6 +13,7 @@ from typing import Any, Literal
 import yaml
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from thinknav_sim.homes import SEEDS
 from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_trainer.errors import UserError
 
@@ -66,6 +67,9 @@ class ScenesConfig(Section):
             raise ValueError("chosen names procedural homes: it does not go with scans or episodes_file")
         if any(index < 0 for index in self.chosen) or len(set(self.chosen)) < len(self.chosen):
             raise ValueError(f"chosen must be indices of different homes, not {self.chosen}")
+        last = max(self.chosen, default=self.first_home + self.homes - 1)
+        if last >= len(SEEDS["train"]):
+            raise ValueError(f"there is no home {last}: the training range has {len(SEEDS['train'])}, from 0 on")
         return self
 
 
@@ -378,6 +382,8 @@ def _layered(values: dict[str, Any], file: Path | None, overrides: Iterable[str]
             text = file.read_text()
         except OSError as error:
             raise ConfigError(f"cannot read {file}: {error.strerror}") from None
+        except UnicodeDecodeError:
+            raise ConfigError(f"{file} is not YAML: it is no text") from None
         _merge(values, _read_yaml(text, str(file)))
     for override in overrides:
         _merge(values, _parse_override(override))

@@ -4,14 +4,13 @@ A dump of an update holds the policy, the optimiser and the minibatch, and `redo
 of an observation or a reward holds what the simulator gave.
 """
 
-import pickle
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import torch
 
-from thinknav_trainer.checkpoint import CheckpointError
+from thinknav_trainer.checkpoint import CheckpointError, load_tensors
 from thinknav_trainer.errors import RunFailure
 from thinknav_trainer.files import replacing
 
@@ -39,8 +38,7 @@ def read_dump(path: Path) -> dict[str, Any]:
 
     For files of one's own only: reading one may run code.
     """
-    try:
-        evidence: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=False)
-    except (OSError, RuntimeError, EOFError, pickle.UnpicklingError) as error:
-        raise CheckpointError(f"{path} is no dump that can be read: {error}") from None
+    evidence = load_tensors(path, only_tensors=False)
+    if not isinstance(evidence, dict) or "what" not in evidence:
+        raise CheckpointError(f"{path} is no dump: it does not say what was not finite")
     return evidence

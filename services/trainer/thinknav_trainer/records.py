@@ -31,6 +31,8 @@ MEASURES = (
     *FARMING,
 )
 
+# scene, id and category of an episode: ids are told apart only within a scene
+EpisodeKey = tuple[str, str, str]
 # mean, low and high by measure
 Summary = dict[str, dict[str, float]]
 
@@ -56,8 +58,8 @@ class EpisodeRecord:
     failure: str | None
 
     @property
-    def episode(self) -> tuple[str, str, str]:
-        """Which episode it was: ids are told apart only within a scene."""
+    def episode(self) -> EpisodeKey:
+        """Which episode it was."""
         return self.scene, self.episode_id, self.category
 
 

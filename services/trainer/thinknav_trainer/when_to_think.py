@@ -4,6 +4,7 @@ One policy evaluated in several of these manners gives a curve of success agains
 configurations and networks; nothing of how episodes are played.
 """
 
+import math
 from dataclasses import dataclass
 
 import torch
@@ -34,6 +35,10 @@ class WhenToThink:
         """The configuration with the strategy that this takes. Raises ConfigError where a policy cannot do that."""
         if self.as_learnt:
             return config
+        if not math.isfinite(self.bias):
+            raise ConfigError(
+                f"a bias of thinking is a finite number, not {self.bias}; -20 is a policy that never asks"
+            )
         if self.every is not None and self.bias:
             raise ConfigError("give either a bias of thinking or the steps from one think to the next")
         strategy = config.think.strategy

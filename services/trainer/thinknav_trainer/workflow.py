@@ -1,6 +1,7 @@
 """What the commands do, in order: read, connect, prepare, run, write. Shared by `train`, `eval` and `demo`."""
 
 import logging
+import os
 import re
 from contextlib import ExitStack
 from pathlib import Path
@@ -128,8 +129,8 @@ def evaluate_checkpoint(
     control: what the policy is told in the place of replies, if otherwise than in its training; in `controls/`.
     When the user interrupts, nothing is written: part of a split is biased towards short episodes.
     """
-    if split not in SPLITS:
-        raise ConfigError(f"there is no split {split!r}; there are {' and '.join(SPLITS)}")
+    if elsewhere is None:
+        require_split(split)
     checkpoint = Checkpoint.load(path)
     config = when.configure(parse_config(checkpoint.config).with_planner(planner_url).with_control(control))
     where = split if elsewhere is None else elsewhere.name
@@ -141,7 +142,7 @@ def evaluate_checkpoint(
         policy.load_state_dict(checkpoint.policy)
         when.apply(policy)
         policy.to(find_device_or_cpu(config.device))
-        played = elsewhere or _own_split(homes or make_homes(config), split)
+        played = elsewhere or own_split(config, split, homes)
         records = evaluate(policy, config, played.scenes, played.episodes, planner, interrupted, greedy, clock)
         protocol = {
             "checkpoint_steps": checkpoint.steps,
@@ -174,8 +175,18 @@ def _usual_folder(checkpoint: Path, where: str, when: WhenToThink, control: str 
 
 def evaluation_folder(checkpoint: Path, where: str, kind: str = "evaluations") -> Path:
     """Where in its run a checkpoint's evaluation lies. where: the episodes' name."""
-    return checkpoint.parent.parent / kind / f"{checkpoint.stem}-{re.sub(r'[^A-Za-z0-9_.-]+', '_', where)}"
+    run = Path(os.path.normpath(checkpoint.parent / ".."))  # also from within the folder of checkpoints
+    return run / kind / f"{checkpoint.stem}-{re.sub(r'[^A-Za-z0-9_.-]+', '_', where)}"
 
 
-def _own_split(homes: Homes, split: str) -> EpisodeSet:
+def own_split(config: TrainConfig, split: str, homes: Homes | None = None) -> EpisodeSet:
+    """The episodes of a split of a run. homes: of the run, where they are at hand. Raises ConfigError."""
+    require_split(split)
+    homes = homes or make_homes(config)
     return EpisodeSet(split, homes.scenes, homes.held_out if split == "held_out" else homes.train)
+
+
+def require_split(split: str) -> None:
+    """Raises ConfigError for the name of none."""
+    if split not in SPLITS:
+        raise ConfigError(f"there is no split {split!r}; there are {' and '.join(SPLITS)}")

@@ -11,13 +11,24 @@ from rich.table import Table
 from thinknav_trainer.budget_curve import Curve, Point, gains
 from thinknav_trainer.budgets import evaluate_budgets, write_curves
 from thinknav_trainer.checkpoint import Checkpoint
-from thinknav_trainer.commands.evaluate import Episodes, EpisodesFile, HomesOption, Planner, Scenes, Split, Where
+from thinknav_trainer.commands.evaluate import (
+    Episodes,
+    EpisodesFile,
+    HomesOption,
+    Planner,
+    Scenes,
+    Split,
+    Where,
+    refuse_unused,
+)
+from thinknav_trainer.commands.options import check_folder
 from thinknav_trainer.compare import find_evaluation, require_same_episodes
 from thinknav_trainer.config import ConfigError, parse_config
+from thinknav_trainer.episode_sets import EpisodeSet
 from thinknav_trainer.interrupt import interruption
 from thinknav_trainer.records import read_evaluation
 from thinknav_trainer.when_to_think import WhenToThink
-from thinknav_trainer.workflow import evaluation_folder
+from thinknav_trainer.workflow import evaluation_folder, own_split
 
 OWN, CLOCK, OTHERS = "own choice", "clock", "others"
 
@@ -33,6 +44,7 @@ Output = Annotated[Path | None, typer.Option(help="folder of the results; defaul
 
 
 def budgets(
+    context: typer.Context,
     checkpoint: Annotated[Path, typer.Argument(help="a checkpoint file")],
     biases: Biases = "-20,-4,-2,-1,0,1,2",
     every: Every = "5,10,20,40",
@@ -54,25 +66,21 @@ def budgets(
         raise ConfigError("--biases names no point")
     if any(when.every is not None and when.every < 1 for when in manners[CLOCK]):
         raise ConfigError("--every takes numbers of steps from 1 on")
-    if homes is not None and episodes_file is not None:
-        raise ConfigError("give either --homes or --episodes-file")
-    elsewhere = None
-    if homes is not None or episodes_file is not None:
-        where = Where(homes, episodes_file, scenes, episodes)
-        elsewhere = where.open(parse_config(Checkpoint.load(checkpoint).config).env)
-    name = split if elsewhere is None else elsewhere.name
-    folder = output or evaluation_folder(checkpoint, name, "budgets")
+    if output is not None:
+        check_folder("--output", output)
+    config = parse_config(Checkpoint.load(checkpoint).config)
+    where = Where(homes, episodes_file, scenes, episodes)
+    refuse_unused(context, where)
+    played = own_split(config, split) if where.is_usual else where.open(config.env)
+    others = _others(against or (), played)
+    folder = output or evaluation_folder(checkpoint, played.name, "budgets")
     with interruption() as interrupted:
-        points = {
-            curve: evaluate_budgets(checkpoint, asked, folder, interrupted, planner, split, elsewhere)
-            for curve, asked in manners.items()
-        }
+        points = evaluate_budgets(checkpoint, manners, played, folder, interrupted, planner)
     if not interrupted.requested:
-        points[OTHERS] = _others(against or (), points[OWN][0])
-        curves = [Curve.of(curve, found) for curve, found in points.items() if found]
-        protocol = {"checkpoint": str(checkpoint), "split": name, "episodes": len(points[OWN][0].records)}
+        curves = [Curve.of(curve, found) for curve, found in {**points, OTHERS: others}.items() if found]
+        protocol = {"checkpoint": str(checkpoint), "split": played.name, "episodes": len(played.episodes)}
         path = write_curves(folder, protocol, curves)
-        Console().print(_table(curves))
+        Console(markup=False).print(_table(curves))
         typer.echo(f"curves: {path}")
     raise typer.Exit(interrupted.exit_code)
 
@@ -84,14 +92,15 @@ def _numbers(option: str, text: str, kind: Callable[[str], Number]) -> list[Numb
         raise ConfigError(f"{option} takes numbers separated by commas, not {text!r}") from None
 
 
-def _others(paths: Sequence[Path], like: Point) -> list[Point]:
-    """Points of evaluations that are there, their records in the order of `like`'s."""
+def _others(paths: Sequence[Path], played: EpisodeSet) -> list[Point]:
+    """Points of evaluations that are there, their records in the order of what is played. Raises ConfigError."""
+    ours = [(episode.scene_name, episode.episode_id, episode.object_category) for episode in played.episodes]
     points = []
     for path in paths:
         records = read_evaluation(find_evaluation(path))[1]
-        require_same_episodes("these points", like.records, str(path), records)
+        require_same_episodes("these points", set(ours), str(path), records)
         theirs = {record.episode: record for record in records}
-        points.append(Point(path.name, [theirs[record.episode] for record in like.records]))
+        points.append(Point(path.name, [theirs[episode] for episode in ours]))
     return points
 
 

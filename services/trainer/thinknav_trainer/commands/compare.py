@@ -23,7 +23,7 @@ def compare_runs(
         raise ConfigError("give two or more evaluations to compare")
     evaluations = read_evaluations(runs)
     columns = compare(evaluations)
-    Console().print(_table(columns, len(evaluations[0].records)))
+    Console(markup=False).print(_table(columns, len(evaluations[0].records)))
     if output is not None:
         output.write_text(json.dumps([asdict(column) for column in columns], indent=2) + "\n")
 

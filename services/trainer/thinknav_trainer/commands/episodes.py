@@ -42,7 +42,7 @@ def make(
     for candidate in ranked[:homes]:
         counts = (str(len(dataset.content[candidate.name].episodes)) for dataset in splits.values())
         table.add_row(candidate.name, f"{candidate.complexity:.2f}", *counts)
-    Console().print(table)
+    Console(markup=False).print(table)
     for name in splits:
         typer.echo(f"{name}: {output / name / f'{name}.json.gz'}")
 
@@ -60,5 +60,5 @@ def check(path: Annotated[Path, typer.Argument(help="a .json or .json.gz file, o
     for category, count in sorted(Counter(episode.object_category for episode in read).items()):
         mean = sum(e.geodesic_distance for e in read if e.object_category == category) / count
         table.add_row(category, str(count), f"{mean:.2f} m")
-    Console().print(table)
+    Console(markup=False).print(table)
     typer.echo(f"scenes: {', '.join(sorted({episode.scene_name for episode in read}))}")

@@ -11,6 +11,7 @@ from rich.table import Table
 from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_trainer.agents import AGENTS, Obedience
 from thinknav_trainer.checkpoint import Checkpoint
+from thinknav_trainer.commands.options import check_folder, refuse_given
 from thinknav_trainer.config import ConfigError, TrainConfig, load_config, parse_config
 from thinknav_trainer.control import CONTROLS
 from thinknav_trainer.episode_sets import EpisodeSet, of_file, of_homes
@@ -64,7 +65,9 @@ Overrides = Annotated[
 ]
 
 _TOLD = "The agent called planner"
-Context = Annotated[int | None, typer.Option(min=1, help="views it shows: think.context", rich_help_panel=_TOLD)]
+Views = Annotated[
+    int | None, typer.Option("--context", min=1, help="views it shows: think.context", rich_help_panel=_TOLD)
+]
 Temperature = Annotated[
     float | None, typer.Option(min=0, help="of its planner: think.temperature", rich_help_panel=_TOLD)
 ]
@@ -75,8 +78,14 @@ Looks = Annotated[int, typer.Option(min=1, help="replies in a row that must say 
 Turns = Annotated[int, typer.Option(min=1, help="turns for one that is told", rich_help_panel=_TOLD)]
 Forwards = Annotated[int, typer.Option(min=1, help="steps forward for one that is told", rich_help_panel=_TOLD)]
 
+_OF_POLICY = ("split", "greedy", "think_bias", "think_every")
+_OF_AGENT = ("preset", "config_file", "overrides")
+_OF_ASKING = ("views", "temperature")
+_OF_OBEDIENCE = ("stop_gate", "looks", "turns", "forwards")
+
 
 def evaluate(
+    context: typer.Context,
     checkpoint: CheckpointFile = None,
     planner: Planner = None,
     control: ControlOption = None,
@@ -95,7 +104,7 @@ def evaluate(
     preset: Preset = "cpu",
     config_file: ConfigFile = None,
     overrides: Overrides = None,
-    context: Context = None,
+    views: Views = None,
     temperature: Temperature = None,
     stop_gate: StopGate = Obedience.stop_gate,
     looks: Looks = Obedience.looks,
@@ -103,15 +112,13 @@ def evaluate(
     forwards: Forwards = Obedience.forwards,
 ) -> None:
     """Play episodes with a checkpoint's policy (a split of its run, unless told otherwise) or with a named agent."""
-    if (checkpoint is None) == (agent is None):
-        raise ConfigError("give either a checkpoint or --agent")
+    _check_options(context, checkpoint, agent, output)
     when = WhenToThink(think_bias, think_every)
-    if agent is not None and not when.as_learnt:
-        raise ConfigError("--think-bias and --think-every are for the policy of a checkpoint")
     clock, where = Clock(step_seconds, think_seconds), Where(homes, episodes_file, scenes, episodes)
     with interruption() as interrupted:
         if checkpoint is not None:
-            elsewhere = where.for_checkpoint(checkpoint) if homes or episodes_file else None
+            refuse_unused(context, where)
+            elsewhere = None if where.is_usual else where.for_checkpoint(checkpoint)
             folder, records = evaluate_checkpoint(
                 checkpoint,
                 split,
@@ -126,7 +133,7 @@ def evaluate(
             )
             title = f"episodes of {split if elsewhere is None else elsewhere.name}, {checkpoint}"
         else:
-            think = {"think.context": context, "think.temperature": temperature}
+            think = {"think.context": views, "think.temperature": temperature}
             config = _config(preset, config_file, overrides, {"planner": planner, "planner.control": control, **think})
             setting = Setting(config, Obedience(turns, forwards, stop_gate, looks), clock)
             folder = output or Path("runs") / "evaluations" / str(agent)
@@ -138,6 +145,31 @@ def evaluate(
     raise typer.Exit(interrupted.exit_code)
 
 
+def _check_options(context: typer.Context, checkpoint: Path | None, agent: str | None, output: Path | None) -> None:
+    """Refuse what does not go together. Raises ConfigError."""
+    if (checkpoint is None) == (agent is None):
+        raise ConfigError("give either a checkpoint or --agent")
+    if checkpoint is not None:
+        of_agent = (*_OF_AGENT, *_OF_ASKING, *_OF_OBEDIENCE)
+        refuse_given(context, of_agent, "for --agent; a checkpoint's policy plays the task of its run")
+    if agent is not None:
+        refuse_given(context, _OF_POLICY, "for the policy of a checkpoint")
+        if not named_agent(agent).thinks:
+            refuse_given(context, _OF_ASKING, f"for an agent that asks a planner; {agent} does not")
+        if agent != "planner":
+            refuse_given(context, _OF_OBEDIENCE, f"for the agent planner, not {agent}")
+    if output is not None:
+        check_folder("--output", output)
+
+
+def refuse_unused(context: typer.Context, where: "Where") -> None:
+    """Refuse options of a checkpoint's episodes that would change nothing. Raises ConfigError."""
+    if where.is_usual:
+        refuse_given(context, ("episodes",), "a split of the run is played whole; give --homes or --episodes-file too")
+    else:
+        refuse_given(context, ("split",), f"a split of the run is not played where {where.name} is")
+
+
 def _config(
     preset: str, file: Path | None, overrides: list[str] | None, options: dict[str, str | float | None]
 ) -> TrainConfig:
@@ -147,12 +179,18 @@ def _config(
 
 
 class Where:
-    """The episodes that the options name, made or read when they are wanted."""
+    """The episodes that the options name, made or read when they are wanted.
+
+    is_usual: whether they name none: a policy plays a split of its run, an agent the usual homes.
+    """
 
     def __init__(self, homes: str | None, file: Path | None, scenes: Path | None, count: int) -> None:
         """Raises ConfigError."""
         if homes is not None and file is not None:
             raise ConfigError("give either --homes or --episodes-file")
+        if scenes is not None and file is None:
+            raise ConfigError("--scenes is the folder of a file's scenes: give --episodes-file too")
+        self.is_usual = homes is None and file is None
         self._homes = homes or _DEFAULT_HOMES
         self._file = file
         self._scenes = scenes
@@ -187,6 +225,6 @@ def print_summary(title: str, records: list[EpisodeRecord]) -> None:
     table = Table("measure", "mean", "95 % interval", title=f"{len(records)} {title}", title_justify="left")
     for name, row in summarize(records).items():
         table.add_row(name, f"{row['mean']:.3f}", f"{row['low']:.3f} to {row['high']:.3f}")
-    Console().print(table)
+    Console(markup=False).print(table)
     failures = ", ".join(f"{cause} {count}" for cause, count in count_failures(records).items())
     typer.echo(f"failures: {failures or 'none'}")

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from thinknav_sim.homes import generate_home
-from thinknav_trainer.config import ConfigError
+from thinknav_trainer.commands.options import check_folder
 
 app = typer.Typer(help="Look at procedural homes.", no_args_is_help=True)
 
@@ -25,8 +25,7 @@ def show(
     """Write the plan of a home, seen from above with its ceilings cut away, and four views of it, as PNG."""
     from thinknav_trainer.report.home_pictures import write_home_pictures
 
-    if output.exists() and not output.is_dir():
-        raise ConfigError(f"--output {output} is not a folder")
+    check_folder("--output", output)
     scene = generate_home(seed, rooms)
     for path in write_home_pictures(scene, output):
         typer.echo(str(path))

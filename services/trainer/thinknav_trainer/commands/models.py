@@ -8,7 +8,7 @@ from rich.console import Console
 
 from thinknav_models.clip.text import CLIP_WEIGHTS
 from thinknav_models.weights import SHIPPED
-from thinknav_trainer.config import ConfigError
+from thinknav_trainer.commands.options import check_folder
 from thinknav_trainer.interrupt import Interruption, interruption
 
 CLIP_BATCHES = 1_800
@@ -100,7 +100,7 @@ def _make_clip(
     from thinknav_trainer.model_training.clip_train import ClipTraining
     from thinknav_trainer.model_training.clip_workflow import train_and_describe
 
-    _check_folder(output)
+    check_folder("--output", output)
     command = _command("clip", f"--batches {batches}", scans, seed)
     _tell(train_and_describe(output, checkpoints, ClipTraining(batches), scans, command, interrupted, seed=seed))
 
@@ -109,7 +109,7 @@ def _make_clip_small(output: Path, checkpoints: Path, batches: int, seed: int, i
     from thinknav_trainer.model_training.clip_small import SmallTraining
     from thinknav_trainer.model_training.clip_small_workflow import train_and_describe
 
-    _check_folder(output)
+    check_folder("--output", output)
     command = _command("clip-small", f"--batches {batches}", [], seed)
     _tell(train_and_describe(output, checkpoints, SmallTraining(batches), command, interrupted, seed=seed))
 
@@ -120,15 +120,10 @@ def _make_subgoal(
     from thinknav_trainer.model_training.subgoal_training import Schooling
     from thinknav_trainer.model_training.subgoal_workflow import train_and_describe
 
-    _check_folder(output)
+    check_folder("--output", output)
     command = _command("subgoal", f"--visits {visits} --homes {homes}", scans, seed)
     schooling = Schooling(visits=visits, homes=len(scans) or homes, seed=seed)
     _tell(train_and_describe(output, schooling, scans, command, interrupted))
-
-
-def _check_folder(output: Path) -> None:
-    if output.exists() and not output.is_dir():
-        raise ConfigError(f"--output {output} is not a folder")
 
 
 def _command(network: str, length: str, scans: list[Path], seed: int) -> str:
@@ -154,8 +149,8 @@ def evaluate_clip(
     from thinknav_trainer.model_training.clip_examples import write_examples
     from thinknav_trainer.model_training.clip_workflow import evaluate_weights
 
-    if examples is not None and examples.exists() and not examples.is_dir():
-        raise ConfigError(f"--examples {examples} is not a folder")
+    if examples is not None:
+        check_folder("--examples", examples)
     measures, gap = evaluate_weights(weights, scans or (), homes)
     console = Console()
     console.print(table(measures), soft_wrap=True, markup=False)

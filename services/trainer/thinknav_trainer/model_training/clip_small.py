@@ -21,6 +21,7 @@ from thinknav_models.clip.image import CELLS, FRAME_SIZE, SMALL_KIND, ClipImageE
 from thinknav_models.clip.text import CLIP_KIND, CLIP_WEIGHTS
 from thinknav_models.weights import WeightsError, load_weights, save_weights
 from thinknav_sim.render import set_render_threads
+from thinknav_trainer.checkpoint import load_tensors
 from thinknav_trainer.files import replacing
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.model_training.clip_towers import CELL_FEATURES, STEM_CHANNELS, Convolutions
@@ -172,8 +173,8 @@ def _restore(path: Path, identity: str, tower: SmallTower, optimizer: torch.opti
     """Put a checkpoint's state in place; how many batches it has seen, 0 where there is none."""
     if not path.is_file():
         return 0
-    state: dict[str, Any] = torch.load(path, weights_only=True)
-    if state["identity"] != identity:
+    state: dict[str, Any] = load_tensors(path)
+    if state.get("identity") != identity:
         raise WeightsError(f"{path} is of a training with other settings; remove it, or use another folder")
     tower.load_state_dict(state["tower"])
     optimizer.load_state_dict(state["optimizer"])

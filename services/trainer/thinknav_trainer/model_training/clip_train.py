@@ -14,6 +14,7 @@ from torch.nn import functional
 from thinknav_models.clip.text import CLIP_KIND
 from thinknav_models.weights import WeightsError, save_weights
 from thinknav_sim.render import set_render_threads
+from thinknav_trainer.checkpoint import load_tensors
 from thinknav_trainer.dumps import TrainingDiverged
 from thinknav_trainer.files import replacing
 from thinknav_trainer.interrupt import Interruption
@@ -177,8 +178,8 @@ def _restore(
     """Put a checkpoint's state in place; how many batches it has seen, 0 where there is none."""
     if not path.is_file():
         return 0
-    state = torch.load(path, weights_only=True)
-    if state["identity"] != _identity(training, plan, model):
+    state = load_tensors(path)
+    if state.get("identity") != _identity(training, plan, model):
         raise WeightsError(f"{path} is of a training with other settings; remove it, or use another folder")
     model.load_state_dict(state["model"])
     optimizer.load_state_dict(state["optimizer"])

@@ -16,6 +16,7 @@ from torch.utils.data import DataLoader
 
 from thinknav_models.subgoal_language import Vocabulary
 from thinknav_models.subgoal_network import IMAGE_SIZE, NetworkConfig, SubgoalNetwork
+from thinknav_trainer.checkpoint import load_tensors
 from thinknav_trainer.errors import UserError
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.model_training.drawn_ahead import drawn_ahead
@@ -107,10 +108,10 @@ class Pupil:
 
     def restore(self, path: Path) -> None:
         """Go on where `save` was called. Raises SchoolingError for a file of another schooling."""
-        state = torch.load(path, weights_only=True)
-        if state["schooling"] != asdict(self.schooling):
+        state = load_tensors(path)
+        if state.get("schooling") != asdict(self.schooling):
             raise SchoolingError(
-                f"{path} was taught with {state['schooling']}, not {asdict(self.schooling)}; "
+                f"{path} was taught with {state.get('schooling')}, not {asdict(self.schooling)}; "
                 "go on with the same, or teach in another folder"
             )
         self.network.load_state_dict(state["network"])

@@ -9,6 +9,8 @@ import jinja2
 
 from thinknav_sim.objectnav import make_grid
 from thinknav_sim.render import make_renderer
+from thinknav_sim.scene import Scene
+from thinknav_trainer.config import TrainConfig
 from thinknav_trainer.evaluate import EpisodeRecord, read_evaluation
 from thinknav_trainer.report.asks import asking_situations, draw_asks
 from thinknav_trainer.report.curves import draw_curve, panels
@@ -44,10 +46,12 @@ def write_report(folder: Path) -> Path:
     if not metrics:
         raise RunError(f"{folder}/metrics.jsonl is empty: nothing was trained")
     chosen = choose_episode(evaluations[-1][1])
-    figures = _draw(folder, chosen, evaluations[-1][1])
+    scenes = make_homes(config).scenes
+    figures = _draw(folder, config, scenes, chosen, evaluations[-1][1])
     page = _template().render(
         config=config,
         run=folder.name,
+        homes=len(scenes),
         curves=[draw_curve(metrics, panel) for panel in panels(metrics)],
         columns=[_column(result) for result, _ in evaluations],
         rows=ROWS,
@@ -76,10 +80,15 @@ def choose_episode(records: Sequence[EpisodeRecord]) -> EpisodeRecord:
     return max(records, key=worth)
 
 
-def _draw(folder: Path, record: EpisodeRecord, records: Sequence[EpisodeRecord]) -> dict[str, Any]:
+def _draw(
+    folder: Path,
+    config: TrainConfig,
+    scenes: Sequence[Scene],
+    record: EpisodeRecord,
+    records: Sequence[EpisodeRecord],
+) -> dict[str, Any]:
     """Map and video of an episode as data URIs; of all episodes in its home, where and when they asked."""
-    config = read_config(folder)
-    scene = next(scene for scene in make_homes(config).scenes if scene.name == record.scene)
+    scene = next(scene for scene in scenes if scene.name == record.scene)
     renderer = make_renderer()
     grid = make_grid(scene, renderer, config.env)
     floor_map = draw_floor_map(scene, renderer, grid, config.env.agent_radius)
@@ -112,6 +121,8 @@ def _budget_curves(folder: Path) -> str:
 def _column(result: dict[str, Any]) -> dict[str, Any]:
     steps = result["protocol"]["checkpoint_steps"]
     title = "untrained" if steps == 0 else f"after {steps:,} steps"
+    if result["protocol"]["actions"] == "greedy":
+        title += ", the likeliest actions"
     return {"title": title, "summary": result["summary"], "episodes": result["protocol"]["episodes"]}
 
 
