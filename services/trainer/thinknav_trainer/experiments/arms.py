@@ -129,7 +129,7 @@ def arms_of_five() -> tuple[Arm, ...]:
         IMITATION,
         *WITH_MEMORY,
         FORESIGHT,
-        longer(NEVER, 1_000_000),
+        *(longer(arm, 1_000_000) for arm in (NEVER, TAUGHT, CLONE)),
         TAUGHT,
         THINK_COST,
         control_of(CLONE, "deaf"),
