@@ -394,6 +394,31 @@ def test_a_full_queue_refuses_whoever_fills_it() -> None:
     run(test)
 
 
+def test_a_full_queue_does_not_refuse_one_client_for_another() -> None:
+    """Who asks as one does that fills the queue has his answer all the same; who fills it loses the next newest."""
+
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work, max_batch=1, queue_size=3) as batcher:
+            running = submit(batcher, 0)
+            await work.wait_until_it_works()
+            greedy = [submit(batcher, item, client="greedy", key=f"{item}") for item in (1, 2, 3)]
+            await settle()
+            alike = submit(batcher, 3, client="modest", key="3")
+            await settle()
+            newcomer = submit(batcher, 4, client="other")
+            await settle()
+            alike_too = [submit(batcher, 1, client="modest", key="1"), submit(batcher, 5, client="late")]
+            await settle()
+            work.gate.release(9)
+            answers = await asyncio.gather(running, *greedy, alike, newcomer, *alike_too, return_exceptions=True)
+        kinds = [type(answer) for answer in answers]
+        assert kinds == [Batched, Batched, Overloaded, Batched, Batched, Batched, Batched, Overloaded]
+        assert work.batches == [[0], [1], [4], [3]]
+
+    run(test)
+
+
 def test_what_several_ask_alike_is_worked_on_once() -> None:
     async def test() -> None:
         work = GatedWork()

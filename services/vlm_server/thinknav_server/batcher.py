@@ -41,8 +41,12 @@ class _Job(Generic[Item, Result]):
     item: Item
     client: str
     key: Hashable | None
-    askers: set[asyncio.Future[Batched[Result]]] = field(default_factory=set)
+    askers: dict[asyncio.Future[Batched[Result]], str] = field(default_factory=dict)  # and which client each is
     arrived: float = field(default_factory=time.monotonic)
+
+    @property
+    def is_of_one_client(self) -> bool:
+        return all(asker == self.client for asker in self.askers.values())
 
 
 def _ignore_batch(_size: int, _seconds: float) -> None:
@@ -139,13 +143,13 @@ class Batcher(Generic[Item, Result]):
             self._admit(client, deadline)
             job = self._enqueue(item, client, key)
         asker = self._loop.create_future()
-        job.askers.add(asker)
+        job.askers[asker] = client
         patience = self._loop.call_later(deadline, _give_up, asker, deadline)
         try:
             answer = await asker
         finally:
             patience.cancel()
-            job.askers.discard(asker)
+            job.askers.pop(asker, None)
             if not job.askers:  # and nobody else waits for it
                 self._abandon(job)
         return Batched(answer.result, answer.queued, shared=True) if shared else answer
@@ -182,11 +186,16 @@ class Batcher(Generic[Item, Result]):
             self._make_room_for(client, Overloaded(f"{waiting} requests are waiting, the queue is full", retry_after))
 
     def _make_room_for(self, client: str, refusal: Overloaded) -> None:
-        """A full queue refuses the newest of whoever fills it, be it the newcomer or a client with more in it."""
+        """A full queue refuses the newest of whoever fills it, be it the newcomer or a client with more in it.
+
+        What another client asks for as well stays.
+        """
         crowd, count = self._queue.crowd()
-        if count <= self._queue.waiting(client) + 1:
+        newest = next((job for job in self._queue.newest(crowd) if job.is_of_one_client), None)
+        if newest is None or count <= self._queue.waiting(client) + 1:
             raise refusal
-        self._settle(self._queue.pop_newest(crowd), refusal)
+        self._queue.discard(crowd, newest)
+        self._settle(newest, refusal)
 
     def _seconds_until_free(self) -> float:
         if len(self._serving) < self._slots:

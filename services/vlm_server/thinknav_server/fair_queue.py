@@ -61,12 +61,9 @@ class FairQueue(Generic[Job]):
         client = max(self._lines, key=lambda name: len(self._lines[name]))
         return client, len(self._lines[client])
 
-    def pop_newest(self, client: str) -> Job:
-        """Takes out the newest job of a client that has one."""
-        line = self._lines[client]
-        job = next(reversed(line))
-        self._remove(client, line, job)
-        return job
+    def newest(self, client: str) -> Iterator[Job]:
+        """The jobs of one client, the newest first."""
+        return reversed(self._lines.get(client, {}))
 
     def clear(self) -> list[Job]:
         """Takes out all jobs."""
