@@ -195,9 +195,12 @@ def save(path: Path, vocabulary: Vocabulary, network: SubgoalNetwork, stop_gate:
         "stop_gate": stop_gate,
         **facts,
     }
-    return save_weights(
-        path, KIND, config, {name: value.float().numpy() for name, value in network.state_dict().items()}
-    )
+    tensors = {
+        name: value.float().numpy()
+        for name, value in network.state_dict().items()
+        if not name.endswith("num_batches_tracked")  # which no answer depends on, and half precision could not count
+    }
+    return save_weights(path, KIND, config, tensors)
 
 
 @dataclass(frozen=True)
@@ -216,7 +219,8 @@ def load_network(path: Path = SHIPPED_FILE) -> TaughtNetwork:
     vocabulary = Vocabulary(weights.config["words"])
     sizes = weights.config["network"]
     network = SubgoalNetwork(NetworkConfig(**(sizes | {"channels": tuple(sizes["channels"])})))
-    network.load_state_dict({name: torch.from_numpy(tensor) for name, tensor in weights.tensors.items()})
+    tensors = {name: torch.from_numpy(tensor) for name, tensor in weights.tensors.items()}
+    network.load_state_dict(network.state_dict() | tensors)
     return TaughtNetwork(vocabulary, network, float(weights.config["stop_gate"]), weights.revision)
 
 

@@ -180,6 +180,16 @@ def test_folding_leaves_the_features_as_they_are() -> None:
         torch.testing.assert_close(trunk(views), before, atol=1e-4, rtol=1e-4)
 
 
+def test_a_model_of_very_many_updates_can_be_saved(tmp_path: Path) -> None:
+    """Half precision counts to 65,504."""
+    vocabulary, network = make_network()
+    counts = [name for name in network.state_dict() if name.endswith("num_batches_tracked")]
+    assert counts
+    network.load_state_dict(network.state_dict() | dict.fromkeys(counts, torch.tensor(70_000)))
+    save(tmp_path / "model.safetensors", vocabulary, network, 0.7)
+    assert SubgoalVLM.load(tmp_path / "model.safetensors")
+
+
 def test_a_saved_model_answers_as_before(tmp_path: Path) -> None:
     path = tmp_path / "model.safetensors"
     revision = save(path, *make_network(), 0.7, homes=3)

@@ -394,27 +394,55 @@ def test_a_full_queue_refuses_whoever_fills_it() -> None:
     run(test)
 
 
-def test_a_full_queue_does_not_refuse_one_client_for_another() -> None:
+@pytest.mark.parametrize(
+    ("shared", "refused", "batches"),
+    [((2,), {"greedy 1"}, [[0], [2], [8], [4]]), ((1, 2), {"newcomer"}, [[0], [1], [8], [2]])],
+)
+def test_a_full_queue_does_not_refuse_one_client_for_another(
+    shared: Sequence[int], refused: set[str], batches: list[list[int]]
+) -> None:
     """Who asks as one does that fills the queue has his answer all the same; who fills it loses the next newest."""
 
     async def test() -> None:
         work = GatedWork()
         async with batcher_of(work, max_batch=1, queue_size=3) as batcher:
-            running = submit(batcher, 0)
+            tasks = {"running": submit(batcher, 0)}
             await work.wait_until_it_works()
-            greedy = [submit(batcher, item, client="greedy", key=f"{item}") for item in (1, 2, 3)]
+            for item in (1, 2):
+                tasks[f"greedy {item}"] = submit(batcher, item, client="greedy", key=f"{item}")
+            tasks["modest"] = submit(batcher, 8, client="modest")
             await settle()
-            alike = submit(batcher, 3, client="modest", key="3")
+            for item in shared:
+                tasks[f"alike {item}"] = submit(batcher, item, client="modest", key=f"{item}")
             await settle()
-            newcomer = submit(batcher, 4, client="other")
-            await settle()
-            alike_too = [submit(batcher, 1, client="modest", key="1"), submit(batcher, 5, client="late")]
+            tasks["newcomer"] = submit(batcher, 4, client="other")
             await settle()
             work.gate.release(9)
-            answers = await asyncio.gather(running, *greedy, alike, newcomer, *alike_too, return_exceptions=True)
-        kinds = [type(answer) for answer in answers]
-        assert kinds == [Batched, Batched, Overloaded, Batched, Batched, Batched, Batched, Overloaded]
-        assert work.batches == [[0], [1], [4], [3]]
+            answers = await asyncio.gather(*tasks.values(), return_exceptions=True)
+        told = dict(zip(tasks, answers, strict=True))
+        assert {name for name, answer in told.items() if isinstance(answer, Overloaded)} == refused
+        assert sum(isinstance(answer, Batched) for answer in answers) == len(tasks) - 1
+        assert work.batches == batches
+
+    run(test)
+
+
+def test_who_asks_what_another_asks_far_back_does_not_wait_behind_all_of_it() -> None:
+    async def test() -> None:
+        work = GatedWork()
+        async with batcher_of(work, max_batch=1, queue_size=9) as batcher:
+            running = submit(batcher, 0)
+            await work.wait_until_it_works()
+            greedy = [submit(batcher, item, client="greedy", key=f"{item}") for item in (1, 2, 3, 4)]
+            await settle()
+            alike = submit(batcher, 4, client="modest", key="4")
+            await settle()
+            late = submit(batcher, 1, client="modest", key="1")  # whose turn comes first as it is
+            await settle()
+            work.gate.release(9)
+            answers = await asyncio.gather(running, *greedy, alike, late)
+        assert [answer.result for answer in answers] == [0, 2, 4, 6, 8, 8, 2]
+        assert work.batches == [[0], [1], [4], [2], [3]]
 
     run(test)
 

@@ -47,6 +47,8 @@ def test_check_prints_the_time_of_each_stage() -> None:
     ("options", "status", "message"),
     [
         (("--announce", "no/such/folder/url"), 1, "--announce names a file in no/such/folder, which is no folder"),
+        (("--announce", "/tmp"), 1, "--announce /tmp is a folder; name a file"),
+        (("--max-batch", "5000"), 2, "Invalid value for '--max-batch'"),
         (("--load-limit", "inf"), 2, "--load-limit takes at most 1000000 seconds, not inf"),
         (("--planner-limit", "1e9"), 2, "--planner-limit takes at most"),
         (("--max-frames", "10000"), 2, "Input should be less than or equal to 4096"),

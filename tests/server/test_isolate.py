@@ -108,6 +108,29 @@ def test_what_is_no_plan_is_a_failure(answer: Any) -> None:
     assert isinstance(told, PlannerFailed)
 
 
+def test_a_text_that_no_reply_can_carry_fails_its_item_alone() -> None:
+    class Odd(Choosy):
+        def plan(self, items: Sequence[PlanItem]) -> Sequence[Plan | PlannerError]:
+            return [Plan(("turn left \ud83d",) if item.goal == "1" else ("turn left",)) for item in items]
+
+    first, second = ask(Odd([], RuntimeError()), 2)
+    assert isinstance(first, Plan)
+    assert isinstance(second, PlannerFailed)
+    assert "surrogates not allowed" in str(second)
+
+
+def test_a_forgotten_comma_is_told() -> None:
+    """Else the first letter would be the subgoal."""
+
+    class Loose(Choosy):
+        def plan(self, items: Sequence[PlanItem]) -> Sequence[Plan | PlannerError]:
+            return [Plan(cast(tuple[str, ...], "turn left"))]
+
+    (told,) = ask(Loose([], RuntimeError()), 1)
+    assert isinstance(told, PlannerFailed)
+    assert "a text where a tuple of instructions is due" in str(told)
+
+
 def test_no_items_ask_nothing_of_the_planner() -> None:
     planner = Choosy([], RuntimeError())
     assert ask(planner, 0) == []

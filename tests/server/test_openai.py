@@ -172,6 +172,44 @@ def test_a_guided_answer_that_is_cut_off_keeps_its_words(server: MockServer) -> 
     assert answer == Plan(("turn left", "move forward to the d"))
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        '{ "instructions":   \n\n\n',
+        '{"instructions": [',
+        '{\n  "instructions": [\n    "',
+        '{"instructions": null}',
+        '{"instructions": [null]}',
+        '{"instructions": {"a": 1}}',
+        '{"answer": "turn left"}',
+    ],
+)
+def test_json_without_an_instruction_is_not_followed(server: MockServer, text: str) -> None:
+    server.script = [text]
+    assert isinstance(ask(planner_of(server)), PlannerFailed)
+
+
+def test_what_is_escaped_in_json_is_not_when_it_is_cut_off(server: MockServer) -> None:
+    server.script = ['{"instructions": ["go to the \\"blue\\" door']
+    assert ask(planner_of(server)) == Plan(('go to the "blue" door',))
+
+
+def test_a_text_that_no_reply_can_carry_fails_alone(server: MockServer) -> None:
+    """Half of a pair of surrogates, which JSON lets through: the others of the body have their answers."""
+    server.script = ["turn left", "turn \ud83d", "turn right"]
+    service = PlanningService(PlannerInLoop(planner_of(server), shipped_text_encoder(), 1), Settings())
+
+    async def body() -> list[SubgoalReply | PlannerError]:
+        async with service:
+            requests = [SubgoalRequest(request_id=goal, goal=goal, frame=Frame.raw(FRAME)) for goal in "abc"]
+            return await service.answer_each(requests)
+
+    first, second, third = asyncio.run(body())
+    assert isinstance(first, SubgoalReply)
+    assert isinstance(second, PlannerFailed)
+    assert isinstance(third, SubgoalReply)
+
+
 def test_a_server_without_guided_output_is_asked_without(server: MockServer) -> None:
     server.guided = False
     planner = planner_of(server)

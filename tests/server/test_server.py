@@ -1,11 +1,15 @@
 """Where the service listens, and how it tells."""
 
+import gc
+import os
+import signal
 import socket
 from pathlib import Path
 
 import pytest
+from starlette.applications import Starlette
 
-from thinknav_server.server import bind, write_atomically
+from thinknav_server.server import bind, run, write_atomically
 
 
 def test_a_listener_has_a_free_port_and_sends_without_delay() -> None:
@@ -27,6 +31,26 @@ def test_a_host_that_is_not_ours_is_named(host: str) -> None:
     with pytest.raises(OSError, match=r"cannot listen on .* --host") as raised:
         bind(host, 0)
     assert "\n" not in str(raised.value)
+
+
+def test_who_is_told_to_stop_while_beginning_drains_and_stops(monkeypatch: pytest.MonkeyPatch) -> None:
+    told = []
+
+    async def drain() -> None:
+        told.append("drained")
+
+    def stop() -> int:
+        os.kill(os.getpid(), signal.SIGTERM)
+        return 0
+
+    monkeypatch.setattr(gc, "collect", stop)  # which comes when connections are taken already
+    before = signal.signal(signal.SIGTERM, lambda *_: told.append("ended"))  # what uvicorn passes on when it ends
+    try:
+        with bind("127.0.0.1", 0) as listener:
+            run(Starlette(), listener, None, "nothing", drain)
+    finally:
+        signal.signal(signal.SIGTERM, before)
+    assert told == ["drained", "ended"]
 
 
 def test_a_file_is_replaced_and_nothing_is_left_beside_it(tmp_path: Path) -> None:

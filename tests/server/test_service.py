@@ -186,6 +186,30 @@ def test_more_texts_than_may_wait_are_refused() -> None:
     within(service, test(service))
 
 
+def test_draining_waits_for_embeddings_too() -> None:
+    free = threading.Event()
+
+    class Slow:
+        space, dimension = shipped_text_encoder().space, 512
+
+        def encode(self, texts: Sequence[str]) -> NDArray[np.float32]:
+            assert free.wait(10)
+            return shipped_text_encoder().encode(texts)
+
+    async def test(service: PlanningService) -> None:
+        asked = asyncio.create_task(service.embed(EmbedRequest(texts=("find a chair",))))
+        await asyncio.sleep(0)
+        drained = asyncio.create_task(service.drain(10))
+        await asyncio.sleep(0.05)
+        assert not drained.done()
+        free.set()
+        await drained
+        assert asked.done()
+
+    service = PlanningService(PlannerThread(Recording(), Slow()), SETTINGS)
+    within(service, test(service))
+
+
 def test_the_service_says_who_it_is() -> None:
     info = PlanningService(PlannerThread(Recording(), shipped_text_encoder()), SETTINGS).info
     assert (info.planner, info.revision, info.prompt_hash) == ("recording", "r1", "p1")

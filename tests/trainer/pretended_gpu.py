@@ -43,6 +43,9 @@ class PretendedGPU(TorchFunctionMode):
             return args[0].as_subclass(Tensor)
         if name == "numpy" and self._is_there(args[0]):
             raise AssertionError("numpy of a tensor that is on the GPU")
+        of_here = name in ("__getitem__", "__setitem__") and not self._is_there(args[0])
+        if of_here and any(self._is_there(index) for index in tree_leaves(args[1])):
+            raise AssertionError("a tensor on the CPU indexed by one on the GPU")
         created_there = kwargs.get("device") == GPU
         if created_there:
             kwargs = kwargs | {"device": CPU}

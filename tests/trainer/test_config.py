@@ -34,6 +34,7 @@ def test_layers_override_one_another(tmp_path: Path) -> None:
         ("ppo=3", "ppo: "),
         ("env.think_action=true", "follows from think.strategy"),
         ("ppo.minibatches=1000", "ppo.minibatches 1000 is more than the sequences"),
+        ("ppo={num_steps: 16, chunk_length: 64, minibatches: 65}", "minibatches 65 is more than the sequences"),
         ("think={strategy: once, dropout: 0.1}", "think.dropout is for strategies agent and every_n, not once"),
         ("scenes.chosen=[3,99999999]", "there is no home 99999999: the training range has 1000000, from 0 on"),
         ("scenes.first_home=1000000", "there is no home 1000000"),
@@ -57,6 +58,16 @@ def test_wrong_files_are_named(tmp_path: Path) -> None:
         load_config("cpu", tmp_path / "bad.yaml")
     with pytest.raises(ConfigError, match="no preset 'cpus'; did you mean 'cpu'"):
         load_config("cpus")
+
+
+def test_a_rollout_shorter_than_a_chunk_is_a_sequence_of_each_env() -> None:
+    ppo = {"num_steps": 16, "chunk_length": 64, "minibatches": 4}
+    assert parse_config({"num_envs": 4, "ppo": ppo}).ppo.minibatches == 4
+
+
+def test_who_asks_aside_shows_one_view() -> None:
+    with pytest.raises(ConfigError, match=r"planner-aside asks with one view: it needs think\.context 1"):
+        parse_config({"warm_start": {"demonstrator": "planner-aside"}, "think": {"strategy": "never", "context": 5}})
 
 
 def test_the_think_action_follows_from_the_strategy() -> None:

@@ -31,7 +31,8 @@ def test_a_run_on_a_gpu_brings_everything_there(
     tmp_path: Path, smoke: TrainConfig, homes: Homes, monkeypatch: pytest.MonkeyPatch, image_encoder: str
 ) -> None:
     short = ["ppo.precision=float32", f"policy.image_encoder={image_encoder}", "warm_start.steps=64", "total_steps=192"]
-    config = change_config(smoke, overrides=[*short, "think.forced=0.2", "policy.stop_bias=-1", "env.max_steps=20"])
+    short += ["warm_start.foresight_coef=1", "think.forced=0.2", "policy.stop_bias=-1", "env.max_steps=20"]
+    config = change_config(smoke, overrides=short)
     here = trained(tmp_path / "here", config, homes)
     monkeypatch.setattr(story, "find_device", lambda name: GPU)
     gpu = PretendedGPU()
@@ -47,6 +48,8 @@ def test_a_run_on_a_gpu_brings_everything_there(
 def test_the_pretended_gpu_notices_what_was_left_behind() -> None:
     with PretendedGPU(), pytest.raises(AssertionError, match="partly on the GPU"):
         torch.ones(2).to(GPU) + torch.ones(2)
+    with PretendedGPU(), pytest.raises(AssertionError, match="indexed by one on the GPU"):
+        torch.ones(2)[torch.zeros(1, dtype=torch.int64).to(GPU)]
 
 
 def test_a_gpu_that_is_not_there_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -29,7 +29,7 @@ def test_in_turn_the_losses_are_those_of_the_rollout() -> None:
     rollout, losses = learning.improve(lambda: bandit_rollout(ppo, 0), 1.0)
     assert losses == other.update(rollout)
     assert learning.acting is ppo.policy
-    learning.settle(1.0)
+    learning.settle()
     assert torch.equal(ppo.policy.state_dict()[WEIGHT], other.policy.state_dict()[WEIGHT])
 
 
@@ -39,13 +39,31 @@ def test_beside_each_rollout_is_learnt_from_once_one_behind() -> None:
     learning = Beside(ppo, Stopwatch())
     told = [learning.improve(lambda rollout=rollout: rollout, 1.0) for rollout in rollouts]  # type: ignore[misc]
     assert [rollout for rollout, _ in told] == rollouts
-    learning.settle(1.0)
-    learning.settle(1.0)  # there is nothing left
+    learning.settle()
+    learning.settle()  # there is nothing left
     expected = [reference.update(rollout) for rollout in rollouts]
     assert [losses for _, losses in told] == [{}, *expected[:2]]
     _, losses = learning.improve(lambda: rollouts[0], 1.0)
     assert losses == expected[2]
     assert torch.equal(ppo.policy.state_dict()[WEIGHT], reference.policy.state_dict()[WEIGHT])
+
+
+def test_beside_a_rollout_is_learnt_from_at_the_share_that_was_left_when_it_was_collected() -> None:
+    """One rollout later, the last one's would be below zero."""
+    ppo = learner()
+    learning = Beside(ppo, Stopwatch())
+    shares = []
+    update = ppo.update
+
+    def noted(rollout: Rollout, remaining: float = 1.0) -> dict[str, float]:
+        shares.append(remaining)
+        return update(rollout, remaining)
+
+    ppo.update = noted  # type: ignore[method-assign]
+    for remaining in (1.0, 0.6, 0.2):
+        learning.improve(lambda: bandit_rollout(ppo, 0), remaining)
+    learning.settle()
+    assert shares == [1.0, 0.6, 0.2]
 
 
 def test_beside_one_acts_by_the_weights_from_before() -> None:

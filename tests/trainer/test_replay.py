@@ -41,15 +41,20 @@ def trained(folder: Path, config: TrainConfig, homes: Homes, replay: Path | None
 
 
 @pytest.mark.parametrize(
-    ("strategy", "beside"),
-    [("agent", "learn_beside=false"), ("once", "learn_beside=false"), ("agent", "learn_beside=true")],
+    ("strategy", "more"),
+    [
+        ("agent", "learn_beside=false"),
+        ("once", "learn_beside=false"),
+        ("agent", "learn_beside=true"),
+        ("agent", "warm_start.steps=128"),
+    ],
 )
 def test_a_replay_equals_what_was_recorded(
-    tmp_path: Path, smoke: TrainConfig, homes: Homes, strategy: str, beside: str
+    tmp_path: Path, smoke: TrainConfig, homes: Homes, strategy: str, more: str
 ) -> None:
     overrides = [
         "deterministic=false",
-        beside,
+        more,
         "policy.stop_bias=-1",
         f"think.strategy={strategy}",
         "think.reward=paper",

@@ -63,6 +63,9 @@ def test_the_price_rises_above_the_budget_and_falls_below_it() -> None:
     other = priced()
     other.load_state_dict(price.state_dict())
     assert other.now == price.now
+    other = priced(cost=0.05)
+    other.load_state_dict(ThinkPrice(ThinkConfig(cost=0.03), Lone()).state_dict())  # there was no budget yet
+    assert other.now == 0.05
 
 
 def test_the_price_waits_until_its_share_of_the_run_is_over() -> None:

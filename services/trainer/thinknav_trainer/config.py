@@ -261,7 +261,9 @@ class TrainConfig(Section):
 
     seed: int = Field(0, ge=0, description="of everything: homes are fixed, episodes, weights and actions follow it")
     total_steps: int = Field(160_000, ge=1, description="environment steps, think steps included")
-    max_minutes: float | None = Field(None, gt=0, description="stop after this wall time even if steps are left")
+    max_minutes: float | None = Field(
+        None, gt=0, description="stop after this wall time even if steps are left; a warm start is not cut short"
+    )
     num_envs: int = Field(16, ge=1, description="agents that move in one batch, of each worker")
     threads: int = Field(
         0, ge=0, description="threads of torch and of the renderer; 0: the machine's cores, shared out to its workers"
@@ -297,7 +299,7 @@ class TrainConfig(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> "TrainConfig":
-        if self.ppo.minibatches > self.num_envs * self.ppo.num_steps // self.ppo.chunk_length:
+        if self.ppo.minibatches > self.num_envs * -(-self.ppo.num_steps // self.ppo.chunk_length):
             raise ValueError(
                 f"ppo.minibatches {self.ppo.minibatches} is more than the sequences of a rollout "
                 f"({self.num_envs} envs x {self.ppo.num_steps} steps / chunks of {self.ppo.chunk_length})"
@@ -316,6 +318,8 @@ class TrainConfig(Section):
                 "warm_start.demonstrator planner shows how to think: it needs think.strategy agent, not "
                 f"{self.think.strategy}; planner-aside and bump-walker do not"
             )
+        if self.warm_start.demonstrator == "planner-aside" and self.think.context > 1:
+            raise ValueError("warm_start.demonstrator planner-aside asks with one view: it needs think.context 1")
         if self.ppo.kl_coef and not self.warm_start.steps:
             raise ValueError("ppo.kl_coef is for what a warm start taught: it needs warm_start.steps")
         if self.think.budget is not None and self.think.strategy != "agent":

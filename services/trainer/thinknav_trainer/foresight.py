@@ -26,7 +26,7 @@ def foresight_loss(logits: Tensor, previous_actions: Tensor, told: Tensor, mask:
     place = mask.flatten().cumsum(0).view_as(mask) - 1  # of each transition among the M
     both = mask[:-1] & mask[1:]
     untold, after = place[:-1][both], place[1:][both]
-    heard = told[after] & (previous_actions[after] == Action.THINK)
+    heard = (told[after] & (previous_actions[after] == Action.THINK)).to(mask.device)
     untold, after = untold[heard], after[heard]
     moving = 1 - logits[after, : Action.THINK].softmax(dim=1)[:, Action.STOP]
     before, then = (logits[rows][:, MOVES].log_softmax(dim=1) for rows in (untold, after))

@@ -27,10 +27,10 @@ class Learning(Protocol):
     def improve(self, collect: Callable[[], Rollout], remaining: float) -> tuple[Rollout, Losses]:
         """The rollout that was collected, and the losses of the one that was learnt from, none of the first.
 
-        remaining: share of the run that is left. Raises NotFinite.
+        remaining: share of the run that is left as it is collected. Raises NotFinite.
         """
 
-    def settle(self, remaining: float) -> None:
+    def settle(self) -> None:
         """Learn what is still to be learnt: weights and optimiser are then those of all rollouts. Raises NotFinite."""
 
     def follow(self) -> None:
@@ -50,7 +50,7 @@ class InTurn:
         with self._stopwatch("learn"):
             return rollout, self._learner.update(rollout, remaining)
 
-    def settle(self, remaining: float) -> None:
+    def settle(self) -> None:
         """Nothing is left to be learnt."""
 
     def follow(self) -> None:
@@ -68,28 +68,28 @@ class Beside:
         self._learner = learner
         self._stopwatch = stopwatch
         self._thread = ThreadPoolExecutor(1, "learning")
-        self._collected: Rollout | None = None
+        self._collected: tuple[Rollout, float] | None = None  # and the share of the run that was left
         self._settled: Losses = {}
 
     def improve(self, collect: Callable[[], Rollout], remaining: float) -> tuple[Rollout, Losses]:
-        learning = self._begin(remaining)
+        learning = self._begin()
         try:
             rollout = collect()
         finally:
             losses = self._end(learning)
-        self._collected = rollout
+        self._collected = rollout, remaining
         return rollout, losses
 
-    def settle(self, remaining: float) -> None:
-        self._settled = self._end(self._begin(remaining))
+    def settle(self) -> None:
+        self._settled = self._end(self._begin())
 
     def follow(self) -> None:
         self.acting.load_state_dict(self._learner.policy.state_dict())
 
-    def _begin(self, remaining: float) -> "Future[Losses] | None":
+    def _begin(self) -> "Future[Losses] | None":
         """Begin to learn from what was collected last."""
-        rollout, self._collected = self._collected, None
-        return None if rollout is None else self._thread.submit(self._learn, rollout, remaining)
+        collected, self._collected = self._collected, None
+        return None if collected is None else self._thread.submit(self._learn, *collected)
 
     @torch_threads(1)
     def _learn(self, rollout: Rollout, remaining: float) -> Losses:

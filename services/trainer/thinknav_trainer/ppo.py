@@ -171,4 +171,6 @@ class PPO:
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
         self.optimizer.load_state_dict(state["optimizer"])
+        for group in self.optimizer.param_groups:  # which a run that goes on may have been given anew
+            group.update(lr=self.config.lr, eps=self.config.adam_eps)
         self._order.bit_generator.state = state["order"]

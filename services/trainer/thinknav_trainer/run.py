@@ -39,17 +39,23 @@ class Run:
     """The folder of one run, open for writing."""
 
     def __init__(self, folder: Path, config: TrainConfig, steps: int) -> None:
-        """Open it at a number of steps: what the logs hold beyond it was lost with its weights, and is cut off."""
+        """Open it at a number of steps: what the logs hold beyond it was lost with its weights, and is cut off.
+
+        Checkpoints beyond it, which could not be read, are set aside.
+        """
         self.folder = folder
         self.config = config
         for place in (folder, folder / "checkpoints"):
             remove_leftovers(place)
+        for unreadable in list_checkpoints(folder):
+            if unreadable > checkpoint_path(folder, steps):  # else it would pass for the newest
+                unreadable.rename(unreadable.with_suffix(".pt.damaged"))
         replace_text(folder / "config.yaml", yaml.safe_dump(config.model_dump(mode="json"), sort_keys=False))
         self._logs = {name: open_log(folder / f"{name}.jsonl", steps) for name in LOGS}
         known = read_log(folder / EMBEDDINGS)
         self._texts = {row["text"] for row in known if row["text"] is not None}
         self._embeddings = {row["name"] for row in known if row["text"] is None}
-        self._tensorboard = SummaryWriter(str(folder / "tensorboard"), purge_step=steps + 1 if steps else None)
+        self._tensorboard = SummaryWriter(str(folder / "tensorboard"), purge_step=steps + 1)
 
     @classmethod
     def create(cls, folder: Path, config: TrainConfig) -> Self:

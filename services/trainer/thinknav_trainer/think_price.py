@@ -41,12 +41,12 @@ class ThinkPrice:
         return {"think_price": self.now, "own_think_rate": rate}
 
     def state_dict(self) -> dict[str, Any]:
-        return {"now": self.now}
+        return {} if self._config.budget is None else {"now": self.now}
 
     def load_state_dict(self, state: dict[str, Any]) -> None:
-        """Go on with a price that a budget has changed; without one, `think.cost` may be another than it was."""
+        """Go on with a price that a budget has changed; where there was or is none, `think.cost` is the price."""
         if self._config.budget is not None:
-            self.now = state["now"]
+            self.now = state.get("now", self.now)
 
 
 def own_thinks(rollout: Rollout) -> Tensor:

@@ -141,6 +141,7 @@ class ThinkingEnv:
         self._trajectories = Trajectories(env.num_envs)
         self._memory = memory
         self._round = 0  # of looking for replies, since the run began
+        self._arrived: dict[int, int] = {}  # in which round the last reply to each env was there
         self.texts: dict[str, NDArray[np.float32]] = {}  # what was embedded so far
         self._control = Control(control, self.embed, self._goal, seed)
         self._deaf = control == "deaf"
@@ -213,6 +214,7 @@ class ThinkingEnv:
         told = self._control.replace(self._asking.replies(must_wait))
         replies = {env: self._with_plan(env, reply) for env, reply in told.items()}
         self.parked.difference_update(replies)
+        self._arrived |= dict.fromkeys(replies, self._round)
         answered = sum(isinstance(reply, SubgoalReply) for reply in replies.values())
         self.counts.answered += answered
         self.counts.failed += len(replies) - answered
@@ -223,7 +225,7 @@ class ThinkingEnv:
         self, envs: NDArray[np.integer[Any]], actions: NDArray[np.int64], replies: Mapping[int, Answer]
     ) -> Step:
         """Step these envs (n,) with their actions (n,); `replies` has those to the thinks among them."""
-        thoughts = [Thought(env, self._goal(env), reply, self._round) for env, reply in sorted(replies.items())]
+        thoughts = [Thought(env, self._goal(env), reply, self._arrived[env]) for env, reply in sorted(replies.items())]
         self._recent.look(envs.tolist())
         poses = self.env.poses[envs]
         observations, rewards, terminated, truncated, infos = self.env.step_subset(envs, actions)

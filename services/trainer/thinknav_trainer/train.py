@@ -61,7 +61,8 @@ SHORT_EPISODE_STEPS = 10  # a policy whose episodes are shorter has learnt to st
 class Session:
     """What a run is made of while it runs.
 
-    steps: of all workers. best: the highest SPL on validation episodes so far.
+    steps: of all workers. best: the highest SPL on validation episodes so far. validated: after how many steps they
+    were played last.
     """
 
     env: ThinkingEnv
@@ -74,6 +75,7 @@ class Session:
     workers: Workers = field(default_factory=Lone)
     steps: int = 0
     best: float = -math.inf
+    validated: int = -1
     warned_of_short_episodes: bool = False
 
 
@@ -107,6 +109,7 @@ def train(
         if not imitate(session, run, interruption):
             logger.info("stopped in its warm start, which begins anew when the run goes on")
             return begun
+        validate(session, run, homes, interruption)
         run.checkpoint(snapshot(session, config))
     due = session.steps + config.checkpoint_every
     with progress_bar("training", config.total_steps, session.steps) as bar:
@@ -124,6 +127,7 @@ def train(
                 logger.info("max_minutes is over after %d steps", session.steps)
                 break
     settle(session, run)
+    validate(session, run, homes, interruption)
     return run.checkpoint(snapshot(session, config))
 
 
@@ -147,7 +151,7 @@ def improve(session: Session, run: Run | RunElsewhere) -> tuple[dict[str, float]
 def settle(session: Session, run: Run | RunElsewhere) -> None:
     """Learn what is still to be learnt of what was collected. Raises TrainingDiverged."""
     with dumped(session, run):
-        session.learning.settle(remaining(session, run.config))
+        session.learning.settle()
 
 
 @contextmanager
@@ -213,9 +217,9 @@ def log_update(
 def validate(session: Session, run: Run | RunElsewhere, homes: Homes, interruption: Interruption) -> None:
     """Play the validation episodes, if there are any, and keep the checkpoint if it is the best so far.
 
-    Workers deal them out among themselves.
+    Workers deal them out among themselves. Who is told to end is not held up by them.
     """
-    if not homes.validation:
+    if not homes.validation or session.validated == session.steps or any_of(session.workers, interruption.requested):
         return
     config, policy, workers = run.config, session.learner.policy, session.workers
     dealt = homes.validation[workers.rank :: workers.count]
@@ -225,6 +229,7 @@ def validate(session: Session, run: Run | RunElsewhere, homes: Homes, interrupti
     played = list(chain(*workers.gather([record.measures for record in records])))
     measures = {name: float(np.mean([measure[name] for measure in played])) for name in VALIDATED}
     run.log_validation(session.steps, measures)
+    session.validated = session.steps
     if measures["spl"] > session.best:
         session.best = measures["spl"]
         run.keep_best(snapshot(session, config))
@@ -318,6 +323,7 @@ def restore(session: Session, checkpoint: Checkpoint) -> None:
             session.collector.adopt_counts(gone["collector"])
     session.steps = checkpoint.steps
     session.best = state["best"]
+    session.validated = state.get("validated", -1)  # older checkpoints do not say
     session.price.load_state_dict(state.get("price", session.price.state_dict()))  # older checkpoints have none
 
 
@@ -373,6 +379,7 @@ def snapshot(session: Session, config: TrainConfig) -> Checkpoint:
             "collector": collector,
             "others": states[1:],
             "best": session.best,
+            "validated": session.validated,
             "price": session.price.state_dict(),
         },
     )

@@ -17,7 +17,7 @@ from thinknav_trainer.planner.embedded import EmbeddedPlanner
 from thinknav_trainer.planner.privileged import PrivilegedPlanner
 from thinknav_trainer.policy import Policy
 from thinknav_trainer.recording import Recording
-from thinknav_trainer.run import Run, RunError, list_checkpoints, newest_checkpoint, read_config
+from thinknav_trainer.run import Run, RunError, checkpoint_path, list_checkpoints, newest_checkpoint, read_config
 from thinknav_trainer.run_elsewhere import RunElsewhere
 from thinknav_trainer.scenes import Homes, make_homes
 from thinknav_trainer.train import action_space, embedding_space, observation_shape, require_shared_space, train
@@ -74,6 +74,9 @@ def train_run(
         raise ConfigError("--replay is for a run of one process")
     recording = None if replay is None or config.think.strategy == "never" else Recording(replay)
     start = workers.share(lambda: _start(folder, config, resume))
+    if start is not None and start.steps >= config.total_steps:
+        logger.info("%s has done %d steps, as many as are wanted: there is nothing left to train", folder, start.steps)
+        return checkpoint_path(folder, start.steps)
     with ExitStack() as stack:
         planner = connect_if_thinking(config, stack) if recording is None else recording.planner()
         if start is not None:
@@ -88,9 +91,10 @@ def train_run(
 def _start(folder: Path, config: TrainConfig, resume: bool) -> Checkpoint | None:
     """Where a run goes on from. Raises RunError or ConfigError where the folder is not for it."""
     if resume:
-        _check_unchanged(read_config(folder), config)
         # Killed before its first checkpoint, a run has nothing to go on from, and begins again.
-        return newest_checkpoint(folder) if list_checkpoints(folder) else None
+        start = newest_checkpoint(folder) if list_checkpoints(folder) else None
+        _check_unchanged(read_config(folder), config, 0 if start is None else start.steps)
+        return start
     if (folder / "config.yaml").exists():
         raise RunError(f"{folder} holds a run already; go on with --resume, or give another --name")
     return None
@@ -104,8 +108,17 @@ def _open_run(
     return Run(folder, config, 0 if start is None else start.steps) if resume else Run.create(folder, config)
 
 
-def _check_unchanged(before: TrainConfig, now: TrainConfig) -> None:
+def _check_unchanged(before: TrainConfig, now: TrainConfig, steps: int) -> None:
+    """Refuse what does not fit the state that a run goes on from, after so many steps. Raises ConfigError."""
     changed = [name for name in FIXED if getattr(before, name) != getattr(now, name)]
+    taught = steps > 0 and steps >= before.warm_start.steps
+    for name, differs in (
+        ("think.strategy", before.think.strategy != now.think.strategy),
+        ("think.forced from nothing or to nothing", bool(before.think.forced) != bool(now.think.forced)),
+        ("ppo.kl_coef from nothing", taught and bool(now.ppo.kl_coef) and not before.ppo.kl_coef),
+        ("warm_start.steps", taught and now.warm_start.steps > steps),
+    ):
+        changed += [name] * differs
     if changed:
         raise ConfigError(f"a run that goes on cannot change {', '.join(changed)}; start another one for that")
 

@@ -142,6 +142,8 @@ class Batcher(Generic[Item, Result]):
         if job is None:
             self._admit(client, deadline)
             job = self._enqueue(item, client, key)
+        else:
+            self._bring_forward(job, client)
         asker = self._loop.create_future()
         job.askers[asker] = client
         patience = self._loop.call_later(deadline, _give_up, asker, deadline)
@@ -153,6 +155,14 @@ class Batcher(Generic[Item, Result]):
             if not job.askers:  # and nobody else waits for it
                 self._abandon(job)
         return Batched(answer.result, answer.queued, shared=True) if shared else answer
+
+    def _bring_forward(self, job: _Job[Item, Result], client: str) -> None:
+        """Who asks what stands far back in another's line takes it into his own, where its turn comes sooner."""
+        place = self._queue.place(job.client, job)
+        if place is not None and self._queue.waiting(client) < place:
+            self._queue.discard(job.client, job)
+            job.client = client
+            self._queue.add(client, job)
 
     def _abandon(self, job: _Job[Item, Result]) -> None:
         self._queue.discard(job.client, job)

@@ -1,5 +1,6 @@
 """The command `thinknav-server`."""
 
+import os
 import signal
 from functools import partial
 from pathlib import Path
@@ -10,6 +11,7 @@ import typer
 from pydantic import ValidationError
 
 from thinknav_proto import Limits, PlannerError, describe
+from thinknav_proto.codec import MAX_ARRAY_LENGTH
 from thinknav_server.bench.cli import app as bench_app
 from thinknav_server.check import check_planner
 from thinknav_server.cli_sections import refused, takes
@@ -49,7 +51,9 @@ def serve(
     doors: DoorSettings,
     limits: Limits,
     _config: SettingsFile = None,
-    max_batch: Annotated[int, typer.Option(min=1, help="Requests that the planner sees at once.")] = 32,
+    max_batch: Annotated[
+        int, typer.Option(min=1, max=MAX_ARRAY_LENGTH, help="Requests that the planner sees at once.")
+    ] = 32,
     max_wait: Annotated[float, typer.Option(min=0, help="Seconds that a request waits for others at most.")] = 0.0,
     queue_size: Annotated[int, typer.Option(min=1, help="Requests that wait at most; more are refused.")] = 256,
     cache_size: Annotated[int, typer.Option(min=0, help="Answers that are remembered.")] = 10_000,
@@ -71,6 +75,10 @@ def serve(
     configure_logs(process.log_level, process.log_format)
     if announce and not announce.parent.is_dir():
         raise refused(f"--announce names a file in {announce.parent}, which is no folder")
+    if announce and announce.is_dir():
+        raise refused(f"--announce {announce} is a folder; name a file")
+    if announce and not os.access(announce.parent, os.W_OK):
+        raise refused(f"--announce names a file in {announce.parent}, which may not be written to")
     try:
         settings = Settings(
             max_batch=max_batch,

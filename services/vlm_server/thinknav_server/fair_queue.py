@@ -1,6 +1,6 @@
 """A queue in which clients take turns: whoever asks for much waits behind his own requests, not others behind him.
 
-Knows nothing of time or of what is queued; every operation but `crowd` and `ahead_of` takes constant time.
+Knows nothing of time or of what is queued; every operation but `crowd`, `ahead_of` and `place` takes constant time.
 """
 
 from collections.abc import Iterator
@@ -55,6 +55,10 @@ class FairQueue(Generic[Job]):
         """Jobs that would be taken before one more of this client's."""
         own = self.waiting(client)
         return own + sum(min(len(line), own + 1) for name, line in self._lines.items() if name != client)
+
+    def place(self, client: str, job: Job) -> int | None:
+        """How many jobs of its client's stand before a job, None where it does not wait."""
+        return next((place for place, other in enumerate(self._lines.get(client, ())) if other is job), None)
 
     def crowd(self) -> tuple[str, int]:
         """The client with most jobs, and their number; the queue must not be empty."""

@@ -146,11 +146,11 @@ class _Server(uvicorn.Server):
         self._told_to_stop = threading.Event()
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        self._loop = asyncio.get_running_loop()
         await super().startup(sockets)
         gc.collect()
         gc.freeze()  # what is there now stays
         gc.set_threshold(_GARBAGE_THRESHOLD, *gc.get_threshold()[1:])
-        self._loop = asyncio.get_running_loop()
         typer.echo(f"serving {self._what} at {self._url}")
         if self._announce:
             write_atomically(self._announce, self._url)

@@ -156,10 +156,12 @@ class PlanningService:
         if self._embedding >= self._settings.queue_size:
             raise Overloaded(f"{self._embedding} requests wait for embeddings", retry_after=1.0)
         self._embedding += 1
+        self._idle.clear()
         try:
             embeddings = await self._host.embed(texts)
         finally:
             self._embedding -= 1
+            self._note_idle()
         return EmbedReply(embedding_space=self.info.embedding_space, embeddings=embeddings)
 
     async def _answer_or_error(
@@ -175,13 +177,16 @@ class PlanningService:
             answer = error.as_value()
         finally:
             self._in_flight -= 1
-            if not self._in_flight:
-                self._idle.set()
+            self._note_idle()
         seconds = time.perf_counter() - began
         self.metrics.answer(answer, seconds)
         if isinstance(answer, SubgoalReply) and isinstance(request, SubgoalRequest):
             self.recent.answer(request, answer, caller, seconds)
         return answer
+
+    def _note_idle(self) -> None:
+        if not self._in_flight and not self._embedding:
+            self._idle.set()
 
     def _on_batch(self, size: int, seconds: float) -> None:
         self.metrics.batch(size, seconds)

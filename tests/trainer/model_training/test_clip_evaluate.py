@@ -1,5 +1,6 @@
 """The evaluation of the small CLIP can tell a good one from a bad one; and the command writes weights and card."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,8 @@ from typer.testing import CliRunner
 
 from thinknav_models.clip import ClipTextEncoder
 from thinknav_models.clip.text import CLIP_WEIGHTS, shipped_text_encoder
-from thinknav_sim.homes import SEEDS
+from thinknav_sim.homes import SEEDS, generate_home, home_seed
+from thinknav_sim.scans.store import write_scene
 from thinknav_trainer.cli import app
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.model_training.clip_evaluate import _nearest_is_own, _ranks, direction_gap, evaluation_frames
@@ -90,3 +92,14 @@ def test_the_command_refuses_a_file_for_a_folder(tmp_path: Path) -> None:
 def test_the_command_names_weights_that_are_none(tmp_path: Path) -> None:
     done = CliRunner().invoke(app, ["models", "evaluate", "clip", "--weights", str(tmp_path / "none.safetensors")])
     assert "there is no file of weights" in str(done.exception)
+
+
+def test_where_nothing_stands_to_one_side_mirrored_sentences_are_not_measured(tmp_path: Path) -> None:
+    scan = tmp_path / "bare.npz"
+    home = generate_home(home_seed("train", 0), rooms=1)
+    unnamed = replace(home, objects=(), triangle_objects=np.full_like(home.triangle_objects, -1))
+    write_scene(scan, unnamed, ())
+    measures, _ = evaluate_weights(CLIP_WEIGHTS, [scan])
+    names = [measure.name for measure in measures]
+    assert "its sentence over the same one mirrored" not in names
+    assert "subgoal over one of another direction" in names

@@ -126,6 +126,7 @@ def test_a_training_goes_on_where_it_stopped(
     batches: list[ClipBatch], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def made(plan: FramePlan, vocabulary: tuple[str, ...], start: int) -> object:
+        torch.randint(9, ())  # as a loader does, when its processes begin
         return iter([batches[index % 3] for index in range(start, start + 10)])
 
     monkeypatch.setattr(clip_train, "clip_batches", made)
@@ -143,6 +144,10 @@ def test_a_training_goes_on_where_it_stopped(
     assert len(lines) == 4
     with pytest.raises(WeightsError, match="is of a training with other settings"):
         train_clip(replace(PLAN, seed=1), training, VOCABULARY, tmp_path / "whole", Interruption())
+    for batches_in_all, words in ((8, "has seen 4 of 4 batches, too many to make 8 of them"), (3, "seen 4 batches")):
+        other = replace(training, batches=batches_in_all)
+        with pytest.raises(WeightsError, match=words):
+            train_clip(PLAN, other, VOCABULARY, tmp_path / "whole", Interruption())
 
 
 def stopping(made, interruption: Interruption, after: int):  # type: ignore[no-untyped-def]

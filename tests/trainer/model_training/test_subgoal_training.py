@@ -9,11 +9,13 @@ import pytest
 import torch
 
 from thinknav_sim.task_config import Action
+from thinknav_trainer.model_training.frames import ScanSource
 from thinknav_trainer.model_training.lessons import Lesson, LessonStream
 from thinknav_trainer.model_training.subgoal_batch import Collator, without_earlier_views
 from thinknav_trainer.model_training.subgoal_evaluation import (
     Marks,
     accuracy_row,
+    all_marks,
     beeline,
     calibration,
     gate_for_false_stops,
@@ -70,6 +72,20 @@ def test_another_schooling_is_refused(lessons: list[Lesson], tmp_path: Path) -> 
     teach(dataclasses.replace(SHORT, visits=2), tmp_path, in_turn(lessons))
     with pytest.raises(SchoolingError, match="teach in another folder"):
         teach(SHORT, tmp_path, in_turn(lessons))
+
+
+def test_lessons_of_another_source_are_refused(lessons: list[Lesson], tmp_path: Path) -> None:
+    """Else weights of one scan would be handed out as those of another."""
+    teach(SHORT, tmp_path, in_turn(lessons), ScanSource((Path("a.glb"),)))
+    with pytest.raises(SchoolingError, match=r"was taught with ScanSource.*a\.glb.*, not ScanSource.*b\.glb"):
+        teach(SHORT, tmp_path, in_turn(lessons), ScanSource((Path("b.glb"),)))
+
+
+def test_a_lesson_alone_has_no_other_frames_to_control_with(lessons: list[Lesson]) -> None:
+    pupil = Pupil(SHORT)
+    collate = Collator(pupil.vocabulary)
+    alone, together = (all_marks(pupil.network, collate, group) for group in (lessons[:1], lessons))
+    assert set(together) - set(alone) == {("one frame", "another frame"), ("several frames", "another frame")}
 
 
 def test_what_is_padded_or_has_no_way_costs_nothing(lessons: list[Lesson]) -> None:

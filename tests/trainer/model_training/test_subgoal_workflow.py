@@ -1,5 +1,6 @@
 """From nothing to weights and a card, in miniature, and the command that asks the shipped model."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,9 @@ from typer.testing import CliRunner
 
 from thinknav_models.subgoal_language import DIRECTIONS
 from thinknav_models.subgoal_vlm import Question, SubgoalVLM
+from thinknav_sim.homes import generate_home, home_seed
+from thinknav_sim.scans.store import write_scene
+from thinknav_sim.scene import SceneError
 from thinknav_trainer.cli import app
 from thinknav_trainer.config import ConfigError
 from thinknav_trainer.interrupt import Interruption
@@ -27,6 +31,36 @@ def test_it_leaves_weights_that_answer_and_a_card_that_names_them(tmp_path: Path
     card = (tmp_path / "subgoal_vlm.md").read_text()
     assert f"subgoal-vlm@{revision}" in card
     assert "| several frames | another goal |" in card
+
+
+def test_a_card_of_scans_says_so(tmp_path: Path) -> None:
+    scan = tmp_path / "flat.npz"
+    write_scene(scan, generate_home(home_seed("train", 0), rooms=1), ())
+    schooling = replace(SCHOOLING, homes=1)
+    assert train_and_describe(tmp_path / "out", schooling, [scan], "thinknav models train subgoal", Interruption())
+    card = (tmp_path / "out" / "subgoal_vlm.md").read_text()
+    assert "2 visits to flat.npz, some" in card
+    assert "The stop gate was set in the same scans." in card
+    assert "## Known, in the scans that it was taught in" in card
+    assert "home" not in card.partition("## Limits")[0]
+    assert "another frame" not in card
+
+
+def test_a_scan_without_goals_is_refused_before_anything_is_taught(tmp_path: Path) -> None:
+    scan = tmp_path / "bare.npz"
+    home = generate_home(home_seed("train", 0), rooms=1)
+    unnamed = replace(home, objects=(), triangle_objects=np.full_like(home.triangle_objects, -1))
+    write_scene(scan, unnamed, ())
+    with pytest.raises(SceneError, match=r"there is no way to any of chair, .*: nothing to ask"):
+        train_and_describe(tmp_path / "out", SCHOOLING, [scan], "", Interruption())
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("command", [["train", "subgoal"], ["evaluate", "subgoal"], ["evaluate", "clip"]])
+def test_homes_beside_scans_are_refused(command: list[str]) -> None:
+    result = CliRunner().invoke(app, ["models", *command, "--scans", "a.glb", "--homes", "9"])
+    assert isinstance(result.exception, ConfigError)
+    assert str(result.exception) == "--homes: scans are used in place of homes"
 
 
 def test_interrupted_it_leaves_a_checkpoint_and_no_weights(tmp_path: Path) -> None:

@@ -15,7 +15,7 @@ def ask(
     frame: Annotated[Path, typer.Argument(help="a picture: PNG or JPEG")],
     goal: Annotated[str, typer.Option(help="what to look for")] = "chair",
     plan: Annotated[bool, typer.Option("--plan", help="the whole way, in up to five sentences")] = False,
-    temperature: Annotated[float, typer.Option(min=0, help="0: the likeliest words; more: drawn")] = 0.0,
+    temperature: Annotated[float, typer.Option(min=0, max=10, help="0: the likeliest words; more: drawn")] = 0.0,
 ) -> None:
     """Ask the embedded planner about one picture: the subgoal, how sure it is of each word, and what CLIP sees."""
     pixels = _read(frame)

@@ -8,7 +8,7 @@ from rich.console import Console
 
 from thinknav_models.clip.text import CLIP_WEIGHTS
 from thinknav_models.weights import SHIPPED
-from thinknav_trainer.commands.options import check_folder
+from thinknav_trainer.commands.options import check_folder, refuse_given
 from thinknav_trainer.interrupt import Interruption, interruption
 
 CLIP_BATCHES = 1_800
@@ -79,6 +79,7 @@ def train_clip_small(
 
 @train_app.command("subgoal")
 def train_subgoal(
+    context: typer.Context,
     output: Output = DEFAULT_OUTPUT,
     visits: Annotated[int, typer.Option(min=2, help="to homes, in the whole training")] = SUBGOAL_VISITS,
     homes: Annotated[int, typer.Option(min=1, help="that are visited in turn")] = MOST_HOMES,
@@ -89,6 +90,7 @@ def train_subgoal(
 
     Ctrl-C stops it with a checkpoint; the same command goes on from there.
     """
+    _refuse_homes_beside(scans, context)
     with interruption() as interrupted:
         _make_subgoal(output, visits, homes, scans or [], seed, interrupted)
     raise typer.Exit(interrupted.exit_code)
@@ -132,6 +134,11 @@ def _command(network: str, length: str, scans: list[Path], seed: int) -> str:
     return f"thinknav models train {network} {' '.join(options)}"
 
 
+def _refuse_homes_beside(scans: list[Path] | None, context: typer.Context) -> None:
+    if scans:
+        refuse_given(context, ("homes",), "scans are used in place of homes")
+
+
 def _tell(weights: Path | None) -> None:
     if weights is not None:
         Console().print(f"weights: {weights}", soft_wrap=True, markup=False)
@@ -139,6 +146,7 @@ def _tell(weights: Path | None) -> None:
 
 @evaluate_app.command("clip")
 def evaluate_clip(
+    context: typer.Context,
     weights: Annotated[Path, typer.Option(help="of a CLIP, by default the one that ThinkNav ships")] = CLIP_WEIGHTS,
     scans: Scans = None,
     homes: Annotated[int, typer.Option(min=1, help="validation homes to take frames of")] = 50,
@@ -149,6 +157,7 @@ def evaluate_clip(
     from thinknav_trainer.model_training.clip_examples import write_examples
     from thinknav_trainer.model_training.clip_workflow import evaluate_weights
 
+    _refuse_homes_beside(scans, context)
     if examples is not None:
         check_folder("--examples", examples)
     measures, gap = evaluate_weights(weights, scans or (), homes)
@@ -180,15 +189,17 @@ def evaluate_clip_small(
 
 @evaluate_app.command("subgoal")
 def evaluate_subgoal(
+    context: typer.Context,
     weights: Annotated[Path, typer.Option(help="of a subgoal VLM; default: the shipped ones")] = SUBGOAL_WEIGHTS,
     scans: Scans = None,
-    homes: Annotated[int, typer.Option(min=2, help="validation homes to ask in")] = 60,
+    homes: Annotated[int, typer.Option(min=4, help="validation homes to ask in")] = 60,
 ) -> None:
     """Print how often the subgoal VLM knows the way, with its controls."""
     from thinknav_models.subgoal_vlm import load_network
     from thinknav_trainer.model_training.subgoal_card import accuracy_table, calibration_table, stop_table
     from thinknav_trainer.model_training.subgoal_workflow import examine
 
+    _refuse_homes_beside(scans, context)
     exam = examine(weights, homes, scans or ())
     parts = [
         "anywhere:",

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from thinknav_trainer.commands.options import Overrides, Preset, Runs
+from thinknav_trainer.commands.options import Overrides, Preset, Runs, refuse_given
 from thinknav_trainer.config import ConfigError, TrainConfig, change_config, load_config
 from thinknav_trainer.interrupt import interruption
 from thinknav_trainer.rewards import REWARD_SCHEMES
@@ -17,6 +17,7 @@ from thinknav_trainer.workflow import train_run
 
 
 def train(
+    context: typer.Context,
     name: Annotated[str, typer.Option(help="of the run: its folder in --runs")],
     preset: Preset = "cpu",
     config_file: Annotated[Path | None, typer.Option("--config", help="a YAML file over the preset")] = None,
@@ -34,6 +35,8 @@ def train(
     --strategy and --reward stand for --set think.strategy=… and think.reward=….
     Under torchrun several processes train one policy (docs/scaling.md), and go on by themselves where it restarts them.
     """
+    if resume or replay:
+        refuse_given(context, ("preset",), "the run that is gone on with or repeated has its own configuration")
     if resume and replay:
         raise ConfigError("--replay repeats a run from its beginning: it does not go with --resume")
     if times_restarted() > 0 and replay is None:

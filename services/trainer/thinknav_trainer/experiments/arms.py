@@ -56,7 +56,7 @@ class Headline(TypedDict):
 HEADLINE: Headline = {"baseline": NEVER.name, "best": CLONE.name, "reproduces": True}
 
 ROWS = (
-    # As the arms ask it; with words drawn, as an agent does well to that would else hear the same again; with more views.
+    # As the arms ask it; with its words drawn, so that who stands still does not hear the same again; with more views.
     AgentRow("planner-only", "planner"),
     AgentRow("planner-only-sampled", "planner", ("think.temperature=0.5",)),
     AgentRow("planner-only-context", "planner", _RECENT),

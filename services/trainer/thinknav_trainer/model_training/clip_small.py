@@ -6,11 +6,9 @@ of them stays the CLIP's. It goes on where it was stopped.
 
 import itertools
 import json
-import logging
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -19,19 +17,16 @@ from torch.utils.data import DataLoader, IterableDataset
 
 from thinknav_models.clip.image import CELLS, FRAME_SIZE, SMALL_KIND, ClipImageEncoder
 from thinknav_models.clip.text import CLIP_KIND, CLIP_WEIGHTS
-from thinknav_models.weights import WeightsError, load_weights, save_weights
+from thinknav_models.weights import load_weights, save_weights
 from thinknav_sim.render import set_render_threads
-from thinknav_trainer.checkpoint import load_tensors
-from thinknav_trainer.files import replacing
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.model_training.clip_towers import CELL_FEATURES, STEM_CHANNELS, Convolutions
 from thinknav_trainer.model_training.drawn_ahead import drawn_ahead
 from thinknav_trainer.model_training.frames import FrameMaker, FramePlan
+from thinknav_trainer.model_training.training_file import TrainingFile
 from thinknav_trainer.precision import autocast
 from thinknav_trainer.progress import progress_bar
 from thinknav_trainer.threads import torch_threads
-
-logger = logging.getLogger(__name__)
 
 SMALL_SIZE = 64
 LAYERS = ((64, 2), (64, 1), (128, 2), (128, 1))  # channels and stride of each
@@ -107,13 +102,12 @@ def train_small(plan: FramePlan, training: SmallTraining, folder: Path, interrup
     tower: SmallTower = SmallTower().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     optimizer = torch.optim.AdamW(tower.parameters(), weight_decay=training.weight_decay)
     folder.mkdir(parents=True, exist_ok=True)
-    checkpoint = folder / "checkpoint.pt"
     identity = repr((asdict(training) | {"batches": None}, plan, str(clip.space)))
-    done = _restore(checkpoint, identity, tower, optimizer)
-    if done > training.batches:
-        raise WeightsError(
-            f"{checkpoint} has seen {done} batches already; ask for as many or more, or use another folder"
-        )
+    checkpoint = TrainingFile(folder / "checkpoint.pt", identity, training.batches, training.decay)
+    done, state = checkpoint.load()
+    if done:
+        tower.load_state_dict(state["tower"])
+        optimizer.load_state_dict(state["optimizer"])
     if done == training.batches:
         return tower
     with torch_threads(1), progress_bar("clip-small", training.batches, done, "batches") as bar:
@@ -134,7 +128,7 @@ def train_small(plan: FramePlan, training: SmallTraining, folder: Path, interrup
                     file.write(json.dumps({"batch": done, "error": float(loss.detach())}) + "\n")
             over = done == training.batches or interruption.requested
             if over or done % training.checkpoint_every == 0:
-                _save(checkpoint, identity, tower, optimizer, done)
+                checkpoint.save(done, {"tower": tower.state_dict(), "optimizer": optimizer.state_dict()})
             if over:
                 break
     return tower
@@ -156,27 +150,3 @@ def _schedule(training: SmallTraining, done: int) -> float:
     """Share of the learning rate: up from zero over the warm-up, level, and down to zero in a line at last."""
     down = (training.batches - done) / (training.decay * training.batches)
     return min(1.0, (done + 1) / training.warmup, down)
-
-
-def _save(path: Path, identity: str, tower: SmallTower, optimizer: torch.optim.Optimizer, done: int) -> None:
-    state = {
-        "identity": identity,
-        "done": done,
-        "tower": tower.state_dict(),
-        "optimizer": optimizer.state_dict(),
-    }
-    with replacing(path) as file:
-        torch.save(state, file)
-
-
-def _restore(path: Path, identity: str, tower: SmallTower, optimizer: torch.optim.Optimizer) -> int:
-    """Put a checkpoint's state in place; how many batches it has seen, 0 where there is none."""
-    if not path.is_file():
-        return 0
-    state: dict[str, Any] = load_tensors(path)
-    if state.get("identity") != identity:
-        raise WeightsError(f"{path} is of a training with other settings; remove it, or use another folder")
-    tower.load_state_dict(state["tower"])
-    optimizer.load_state_dict(state["optimizer"])
-    logger.info("going on after batch %d", state["done"])
-    return int(state["done"])

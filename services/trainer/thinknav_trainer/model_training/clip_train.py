@@ -1,8 +1,8 @@
 """The training of the small CLIP: batch, loss, step, save. It goes on where it was stopped."""
 
 import json
-import logging
 import math
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -12,22 +12,19 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from thinknav_models.clip.text import CLIP_KIND
-from thinknav_models.weights import WeightsError, save_weights
+from thinknav_models.weights import save_weights
 from thinknav_sim.render import set_render_threads
-from thinknav_trainer.checkpoint import load_tensors
 from thinknav_trainer.dumps import TrainingDiverged
-from thinknav_trainer.files import replacing
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.model_training.clip_data import ClipBatch, clip_batches
 from thinknav_trainer.model_training.clip_loss import ClipLoss
 from thinknav_trainer.model_training.clip_towers import ImageTower, TextTower
 from thinknav_trainer.model_training.frames import FramePlan
 from thinknav_trainer.model_training.grammar import words
+from thinknav_trainer.model_training.training_file import TrainingFile
 from thinknav_trainer.precision import autocast
 from thinknav_trainer.progress import progress_bar
 from thinknav_trainer.threads import torch_threads
-
-logger = logging.getLogger(__name__)
 
 COARSE = 1 / 3  # of the batches have half the resolution
 
@@ -37,7 +34,7 @@ class ClipTraining:
     """How long and how fast. batches: of the whole training.
 
     Until its last part a training does not depend on its length, so that a checkpoint from before may be trained for
-    longer, or shorter, than was planned.
+    longer, or shorter, than was planned (`TrainingFile`).
     """
 
     batches: int
@@ -87,16 +84,17 @@ def train_clip(
     torch.manual_seed(plan.seed)
     model = ClipModel(vocabulary)
     optimizer = torch.optim.AdamW(_parameter_groups(model, training.weight_decay), betas=(0.9, 0.98))
-    checkpoint = folder / "checkpoint.pt"
-    done = _restore(checkpoint, model, optimizer, training, plan)
+    identity = repr((asdict(training) | {"batches": None}, plan, model.text.vocabulary))
+    checkpoint = TrainingFile(folder / "checkpoint.pt", identity, training.batches, training.decay)
+    done, state = checkpoint.load()
+    if done:
+        model.load_state_dict(state["model"])
+        optimizer.load_state_dict(state["optimizer"])
+        torch.set_rng_state(state["random"])
     folder.mkdir(parents=True, exist_ok=True)
-    if done > training.batches:
-        raise WeightsError(
-            f"{checkpoint} has seen {done} batches already; ask for as many or more, or use another folder"
-        )
     if done == training.batches:
         return model
-    batches = clip_batches(plan, vocabulary, done)
+    batches = _batches_from(plan, vocabulary, done)
     with torch_threads(1), progress_bar("clip", training.batches, done, "batches") as bar:
         while done < training.batches and not interruption.requested:
             for group in optimizer.param_groups:
@@ -113,8 +111,18 @@ def train_clip(
             if done % training.log_every == 0:
                 _log(folder, {"batch": done, "loss": float(loss.detach())} | parts)
             if done % training.checkpoint_every == 0 or done == training.batches or interruption.requested:
-                _save(checkpoint, model, optimizer, training, plan, done)
+                parts = {"model": model.state_dict(), "optimizer": optimizer.state_dict()}
+                checkpoint.save(done, {**parts, "random": torch.get_rng_state()})
     return model
+
+
+def _batches_from(plan: FramePlan, vocabulary: tuple[str, ...], done: int) -> Iterator[ClipBatch]:
+    """Batches from number `done` on; who goes on draws as one who never stopped."""
+    restored = torch.get_rng_state()
+    batches = clip_batches(plan, vocabulary, done)  # whose processes begin with a number that is drawn here
+    if done:
+        torch.set_rng_state(restored)
+    return batches
 
 
 def vocabulary_for(categories: tuple[str, ...] = ()) -> tuple[str, ...]:
@@ -152,40 +160,6 @@ def _parameter_groups(model: ClipModel, weight_decay: float) -> list[dict[str, A
     matrices = [parameter for parameter in model.parameters() if parameter.ndim > 1]
     rest = [parameter for parameter in model.parameters() if parameter.ndim <= 1]
     return [{"params": matrices, "weight_decay": weight_decay}, {"params": rest, "weight_decay": 0.0}]
-
-
-def _identity(training: ClipTraining, plan: FramePlan, model: ClipModel) -> str:
-    return repr((asdict(training) | {"batches": None}, plan, model.text.vocabulary))
-
-
-def _save(
-    path: Path, model: ClipModel, optimizer: torch.optim.Optimizer, training: ClipTraining, plan: FramePlan, done: int
-) -> None:
-    state = {
-        "identity": _identity(training, plan, model),
-        "done": done,
-        "model": model.state_dict(),
-        "optimizer": optimizer.state_dict(),
-        "random": torch.get_rng_state(),
-    }
-    with replacing(path) as file:
-        torch.save(state, file)
-
-
-def _restore(
-    path: Path, model: ClipModel, optimizer: torch.optim.Optimizer, training: ClipTraining, plan: FramePlan
-) -> int:
-    """Put a checkpoint's state in place; how many batches it has seen, 0 where there is none."""
-    if not path.is_file():
-        return 0
-    state = load_tensors(path)
-    if state.get("identity") != _identity(training, plan, model):
-        raise WeightsError(f"{path} is of a training with other settings; remove it, or use another folder")
-    model.load_state_dict(state["model"])
-    optimizer.load_state_dict(state["optimizer"])
-    torch.set_rng_state(state["random"])
-    logger.info("going on after batch %d of %d", state["done"], training.batches)
-    return int(state["done"])
 
 
 def _log(folder: Path, row: dict[str, float]) -> None:

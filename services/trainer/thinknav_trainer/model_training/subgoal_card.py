@@ -1,6 +1,6 @@
 """The model card of a subgoal VLM: what it is, what it was taught, what it knows and what not."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from thinknav_trainer.model_training.lessons import GOALS_ASKED, VISITS
 from thinknav_trainer.model_training.subgoal_evaluation import Exam, Marks, accuracy_row, calibration, stop_marks
@@ -15,13 +15,12 @@ left toward the doorway"), with its confidence. The embedded planner of ThinkNav
 
 ## Taught
 
-{visits:,} visits to {homes:,} procedural homes of the planner-training seeds, some 110 looks a visit, {goals} goals a
-look; half of the looks without earlier views. The teacher knows the map. The stop gate was set in other homes of these
-seeds.
+{visits:,} visits to {taught_in}, some 110 looks a visit, {goals} goals a
+look; half of the looks without earlier views. The teacher knows the map. The stop gate was set in {gate_in}.
 
     {command}
 
-## Known, in validation homes never seen
+## Known, in {asked_in}
 
 Share of directions that are right. *way*: left, right or forward, where the right answer is not `stop`. In view: the
 goal fills at least .3 % of the picture. Controls: what can be won without looking, or without being asked. *Bearing
@@ -57,13 +56,24 @@ Licence: Apache-2.0, as the rest of ThinkNav.
 _HEAD = "| shown | control | all | all, in view | all, not in view | way, in view | way, not in view |"
 
 
-def model_card(revision: str, size: int, schooling: Schooling, command: str, exam: Exam, gate: float) -> str:
-    """The card. size: of the weights in bytes."""
+def model_card(
+    revision: str,
+    size: int,
+    schooling: Schooling,
+    command: str,
+    exam: Exam,
+    gate: float,
+    scans: Sequence[str] = (),
+) -> str:
+    """The card. size: of the weights in bytes. scans: names of those that it was taught and examined in, if any."""
+    homes = min(schooling.homes, schooling.visits // VISITS)
     return CARD.format(
         revision=revision,
         megabytes=size / 1e6,
         visits=schooling.visits,
-        homes=min(schooling.homes, schooling.visits // VISITS),
+        taught_in=", ".join(scans) or f"{homes:,} procedural homes of the planner-training seeds",
+        gate_in="the same scans" if scans else "other homes of these seeds",
+        asked_in="the scans that it was taught in" if scans else "validation homes never seen",
         goals=GOALS_ASKED,
         command=command,
         anywhere=len(exam.anywhere["either", "majority"].right),

@@ -90,11 +90,15 @@ def mark(
 
 
 def all_marks(network: SubgoalNetwork, collate: Collator, lessons: Sequence[Lesson]) -> dict[tuple[str, str], Marks]:
-    """With one frame and with several, with each control, and the majority's."""
+    """With one frame and with several, with each control, and the majority's.
+
+    One lesson alone has no other's frames: it goes without that control.
+    """
+    controls = [control for control in CONTROLS if control != "another frame" or len(lessons) > 1]
     marks = {
         (shown, control): mark(network, collate, lessons, several=several, control=control)
         for shown, several in (("one frame", False), ("several frames", True))
-        for control in CONTROLS
+        for control in controls
     }
     answered = marks["one frame", "none"]
     sights = np.concatenate([lesson.sights[lesson.actions >= 0] for lesson in lessons])

@@ -67,9 +67,11 @@ class Schooling:
 class Pupil:
     """A network being taught: what is saved and taken up again."""
 
-    def __init__(self, schooling: Schooling) -> None:
+    def __init__(self, schooling: Schooling, source: SceneSource = HomeSource("planner")) -> None:
+        """source: of the lessons, so that it is not taken up in another one."""
         torch.manual_seed(schooling.seed)
         self.schooling = schooling
+        self.source = repr(source)
         self.vocabulary = Vocabulary(all_words(THINGS, ROOMS))
         self.network = SubgoalNetwork(NetworkConfig(vocabulary=len(self.vocabulary)))
         self.optimizer = torch.optim.AdamW(
@@ -98,6 +100,7 @@ class Pupil:
         path.parent.mkdir(parents=True, exist_ok=True)
         state = {
             "schooling": asdict(self.schooling),
+            "source": self.source,
             "network": self.network.state_dict(),
             "optimizer": self.optimizer.state_dict(),
             "updates": self.updates,
@@ -107,13 +110,15 @@ class Pupil:
         aside.replace(path)
 
     def restore(self, path: Path) -> None:
-        """Go on where `save` was called. Raises SchoolingError for a file of another schooling."""
+        """Go on where `save` was called. Raises SchoolingError for a file of another schooling, or in other scenes."""
         state = load_tensors(path)
-        if state.get("schooling") != asdict(self.schooling):
-            raise SchoolingError(
-                f"{path} was taught with {state.get('schooling')}, not {asdict(self.schooling)}; "
-                "go on with the same, or teach in another folder"
-            )
+        taught = {"schooling": state.get("schooling"), "source": state.get("source", self.source)}
+        for name, wanted in (("schooling", asdict(self.schooling)), ("source", self.source)):
+            if taught[name] != wanted:
+                raise SchoolingError(
+                    f"{path} was taught with {taught[name]}, not {wanted}; "
+                    "go on with the same, or teach in another folder"
+                )
         self.network.load_state_dict(state["network"])
         self.optimizer.load_state_dict(state["optimizer"])
         self.updates = int(state["updates"])
@@ -132,7 +137,7 @@ def teach(
     lessons: those from an update on; unless given, drawn in the scenes of `source`. An interruption ends it early, with
     a checkpoint. Raises SchoolingError.
     """
-    pupil = Pupil(schooling)
+    pupil = Pupil(schooling, source)
     checkpoint = folder / "checkpoint.pt"
     if checkpoint.exists():
         pupil.restore(checkpoint)

@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from thinknav_models.subgoal_vlm import load_network, save
+from thinknav_sim.render import make_renderer
+from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.model_training.frames import HomeSource, ScanSource, SceneSource
 from thinknav_trainer.model_training.subgoal_batch import Collator
@@ -19,6 +21,7 @@ from thinknav_trainer.model_training.subgoal_evaluation import (
     mark,
 )
 from thinknav_trainer.model_training.subgoal_training import Pupil, Schooling, teach
+from thinknav_trainer.model_training.teacher import HomeTeacher
 
 WEIGHTS_NAME = "subgoal_vlm.safetensors"
 CARD_NAME = "subgoal_vlm.md"
@@ -39,15 +42,21 @@ def train_and_describe(
     gate_homes: int = GATE_HOMES,
     exam_homes: int = EXAM_HOMES,
 ) -> Path | None:
-    """Teach, or go on teaching, write weights and card into a folder; the path of the weights, None if interrupted."""
+    """Teach, or go on teaching, write weights and card into a folder; the path of the weights, None if interrupted.
+
+    Raises SchoolingError, SceneError.
+    """
     source: SceneSource = ScanSource(tuple(scans)) if scans else HomeSource("planner")
+    for number in range(len(scans)):  # here and now, not in the middle of the teaching
+        HomeTeacher(source.scene(number), make_renderer(), ObjectNavConfig())
     pupil = teach(schooling, output / "subgoal-training", source=source, interruption=interruption)
     if interruption.requested:
         return None
     path = output / WEIGHTS_NAME
     revision = save_pupil(pupil, path, scans, gate_homes)
     exam, gate = examine(path, exam_homes, scans), load_network(path).stop_gate
-    card = model_card(revision, path.stat().st_size, schooling, command, exam, gate)
+    names = [scan.name for scan in scans]
+    card = model_card(revision, path.stat().st_size, schooling, command, exam, gate, names)
     (output / CARD_NAME).write_text(card)
     return path
 

@@ -16,7 +16,7 @@ from thinknav_sim.navigation.geodesic import bilinear, steepest_descent
 from thinknav_sim.navigation.kinematics import walk
 from thinknav_sim.objectnav import make_grid
 from thinknav_sim.render import Renderer
-from thinknav_sim.scene import GOAL_CATEGORIES, Scene
+from thinknav_sim.scene import GOAL_CATEGORIES, Scene, SceneError
 from thinknav_sim.success import goal_bearings
 from thinknav_sim.task_config import Action, ObjectNavConfig
 
@@ -44,6 +44,7 @@ class HomeTeacher:
     """Knows one scene; `close` takes it out of the renderer."""
 
     def __init__(self, scene: Scene, renderer: Renderer, task: ObjectNavConfig) -> None:
+        """Raises SceneError for a scene without a way to any goal."""
         self.scene, self.renderer, self.task = scene, renderer, task
         self.grid: NavigationGrid = make_grid(scene, renderer, task)
         self.scene_id = renderer.add_scene(scene)
@@ -61,6 +62,8 @@ class HomeTeacher:
         )
         self.table = GridTable.of([self.grid])
         self.fields = np.stack([goal.distance for goal in self.goals])
+        if not self.reachable:
+            raise SceneError(f"in {scene.name} there is no way to any of {', '.join(GOAL_CATEGORIES)}: nothing to ask")
 
     @property
     def reachable(self) -> list[int]:

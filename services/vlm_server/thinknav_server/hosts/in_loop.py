@@ -13,6 +13,7 @@ from thinknav_server.caller import Trace
 from thinknav_server.hosts.base import Identity
 from thinknav_server.images import PixelMemory
 from thinknav_server.planners.base import Plan, PlanItem, PlannerIdentity
+from thinknav_server.planners.isolate import checked
 from thinknav_server.thinking import Question, Thought, decoded_batch
 
 
@@ -72,7 +73,7 @@ class PlannerInLoop:
         if isinstance(item, PlannerError):
             return item
         try:
-            plan = await self._planner.plan(item, question.trace)
+            plan = checked(await self._planner.plan(item, question.trace))
         except PlannerError as error:
             return error.as_value()
         if isinstance(plan, PlannerError):

@@ -39,7 +39,7 @@ def _ask(planner: Planner, items: Sequence[PlanItem]) -> list[Plan | PlannerErro
     answers = list(planner.plan(items))
     if len(answers) != len(items):
         raise PlannerFailed(f"the planner gave {len(answers)} answers to {len(items)} items")
-    return [_checked(answer) for answer in answers]
+    return [checked(answer) for answer in answers]
 
 
 def _failure(error: Exception) -> PlannerError:
@@ -48,16 +48,22 @@ def _failure(error: Exception) -> PlannerError:
     return PlannerFailed(f"the planner failed on this request: {type(error).__name__}: {str(error)[:200]}")
 
 
-def _checked(answer: Plan | PlannerError) -> Plan | PlannerError:
+def checked(answer: Plan | PlannerError) -> Plan | PlannerError:
     """The answer, or a failure in place of one that no reply could carry."""
     if isinstance(answer, PlannerError):
         return answer
     if not isinstance(answer, Plan):
         return PlannerFailed(f"the planner gave a {type(answer).__name__} where a Plan is due")
+    if isinstance(answer.instructions, str):
+        return PlannerFailed("the planner gave a text where a tuple of instructions is due")
     if not (answer.instructions and all(answer.instructions)):
         return PlannerFailed("the planner gave an empty answer")
     if not all(isinstance(instruction, str) for instruction in answer.instructions):
         return PlannerFailed("the planner gave instructions that are no text")
+    try:
+        "".join(answer.instructions).encode()
+    except UnicodeEncodeError as error:  # half of a pair of surrogates, which JSON lets through
+        return PlannerFailed(f"the planner gave a text that UTF-8 cannot hold: {error.reason}")
     if answer.confidence is None:
         return answer
     confidence = float(answer.confidence)  # a planner's own may be of NumPy, which does not travel

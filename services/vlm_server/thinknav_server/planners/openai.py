@@ -142,16 +142,27 @@ def _schema(item: PlanItem) -> dict[str, object]:
 
 
 def _unwrapped(text: str) -> str:
-    """The lines in an answer in JSON, even one that was cut off at its last token; any other text as it is."""
+    """The lines in an answer in JSON, even one that was cut off at its last token; any other text as it is.
+
+    JSON that holds no instruction is nothing: its brackets are not to be followed.
+    """
     if not text.lstrip().startswith("{"):
         return text
     try:
-        instructions = json.loads(text)["instructions"]
+        answer = json.loads(text)
     except ValueError:
-        return "\n".join(_STRING.findall(text.partition("[")[2])) or text
-    except (KeyError, TypeError):
-        return text
-    return "\n".join(map(str, instructions)) if isinstance(instructions, list) else str(instructions)
+        instructions: object = [_unescaped(string) for string in _STRING.findall(text.partition("[")[2])]
+    else:
+        instructions = answer.get("instructions")
+    several = instructions if isinstance(instructions, list) else [instructions]
+    return "\n".join(line for line in several if isinstance(line, str))
+
+
+def _unescaped(string: str) -> str:
+    try:
+        return str(json.loads(f'"{string}"'))
+    except ValueError:  # cut off within an escape
+        return string
 
 
 def _data_uri(frame: NDArray[np.uint8]) -> str:

@@ -108,7 +108,8 @@ class Qwen3VLPlanner:
 
     def _generate(self, items: Sequence[PlanItem], temperature: float, max_new_tokens: int) -> list[str]:
         # The checkpoint's own top-k and top-p hold for sampling, and must not be named without it.
-        sampling = {"do_sample": True, "temperature": temperature} if temperature > 0 else GREEDY
+        drawn = temperature >= _LOWEST_TEMPERATURE
+        sampling = {"do_sample": True, "temperature": temperature} if drawn else GREEDY
         texts: list[str] = []
         for part in self.decoder.parts(items):
             new = self.decoder.generate(self.encode(part.items), max_new_tokens, sampling)
@@ -116,6 +117,8 @@ class Qwen3VLPlanner:
         return texts
 
 
+# Below it the likeliest words are drawn anyway, and logits over so little are infinite, which ends a GPU's process.
+_LOWEST_TEMPERATURE = 0.01
 GREEDY = {"do_sample": False, "temperature": None, "top_p": None, "top_k": None}
 
 
