@@ -55,6 +55,8 @@ def test_a_mistake_is_one_line_and_status_2(made: Path) -> None:
     [
         (("episodes", "make", "--homes", "3", "--among", "2", "--output", "new"), "--homes 3 cannot be chosen among 2"),
         (("episodes", "make", "--min-distance", "9", "--max-distance", "5", "--output", "new"), "--min-distance 9.0"),
+        (("episodes", "make", "--max-distance", "inf", "--output", "new"), "--max-distance inf, a finite length"),
+        (("episodes", "make", "--first-home", "999990", "--output", "new"), "beyond the last home, 999999"),
         (("episodes", "check", "nowhere.json.gz"), "nowhere.json.gz cannot be read"),
         (("homes", "show", "1", "--output", "made/homes.json"), "made/homes.json is not a folder"),
     ],

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from thinknav_trainer.cli import app
 from thinknav_trainer.config import ConfigError, TrainConfig, change_config
 from thinknav_trainer.interrupt import Interruption
+from thinknav_trainer.records import MEASURES, EpisodeRecord, write_evaluation
 from thinknav_trainer.report.page import write_report
 from thinknav_trainer.run import Run
 from thinknav_trainer.scenes import Homes
@@ -38,6 +39,7 @@ def checkpoint(tmp_path_factory: pytest.TempPathFactory, smoke: TrainConfig, hom
         (["--homes", "val:0-1", "--split", "train"], "--split: a split of the run is not played where val:0-1 is"),
         (["--scenes", "scans"], "--scenes is the folder of a file's scenes: give --episodes-file too"),
         (["--output", __file__], "test_evaluate_command.py is not a folder"),
+        (["--control", "zeros"], "a control replaces replies, and the policy of this checkpoint never thinks"),
         (["--think-bias", "nan"], "a bias of thinking is a finite number, not nan"),
         (["--split", "test"], "there is no split 'test'; there are held_out and train"),
     ],
@@ -57,6 +59,8 @@ def test_what_would_change_nothing_for_a_checkpoint_is_refused(
         (["random", "--greedy", "--split", "train"], "--split, --greedy: for the policy of a checkpoint"),
         (["random", "--context", "5"], "--context: for an agent that asks a planner; random does not"),
         (["farmer", "--turns", "1"], "--turns: for the agent planner, not farmer"),
+        (["shortest-path", "--control", "zeros"], "--control: for an agent that asks a planner"),
+        (["shortest-path", "--planner", "embedded"], "--planner: for an agent that asks a planner"),
         (["walker", "--context", "5"], "there is no agent 'walker'"),
     ],
 )
@@ -90,9 +94,23 @@ def test_a_report_names_homes_and_actions_and_tables_show_names_as_they_are(
     done = CliRunner().invoke(app, ["eval", copied, "--greedy"])
     assert done.exit_code == 0, done.output
     assert "[red]one" in done.output.replace("\n", "")
+    assert (run / "evaluations" / f"{checkpoint.stem}-held_out-greedy" / "result.json").is_file()
     page = write_report(run).read_text()
     assert "after 64 steps, the likeliest actions" in page
     assert f"in {smoke.scenes.homes} home" in page
     result = json.loads(next(run.rglob("result.json")).read_text())
     assert result["protocol"]["actions"] == "greedy"
     assert CliRunner().invoke(app, ["compare", str(run), str(run)]).output.count("[red]one") == 2
+
+
+def test_who_replaces_an_evaluation_that_was_made_otherwise_is_told(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    measures = dict.fromkeys(MEASURES, 0.0)
+    records = [EpisodeRecord("e", "home-1", "chair", measures, {}, [[0.0] * 4], [0], [], None, "stuck")]
+    for protocol in ({"control": "none", "clock": {"step": 0.5}}, {"clock": {"step": 0.5}, "control": "none"}):
+        write_evaluation(tmp_path, protocol, records)
+    assert not caplog.records
+    write_evaluation(tmp_path, {"control": "zeros", "clock": {"step": 0.5}}, records)
+    (told,) = caplog.records
+    assert told.getMessage().endswith("held another evaluation, which is replaced; it differed in control")

@@ -81,6 +81,8 @@ def test_the_result_file_has_the_form_that_was_agreed(tmp_path: Path) -> None:
     assert result["differences"]["agent-best/never"]["success"]["mean"] == pytest.approx(0.5)
     assert set(result["masked"]) == set(result["shuffled"]) == {"agent-paper", "agent-cloned"}
     assert result["masked"]["agent-cloned"]["calls_per_success"]["mean"] is None
+    # All calls over all successes, not the mean of 125, 250 and 83.
+    assert result["arms"]["agent-paper"]["calls_per_success"]["mean"] == pytest.approx(25 / 0.2)
     assert result["agents"]["planner-only"]["success"] == 0.65
     assert result["protocol"]["seeds"]["agent-paper"] == [0, 1, 2]
     assert result["protocol"]["same_rgb_features"] is True
@@ -249,7 +251,10 @@ def test_the_command_writes_down_what_there_is(tmp_path: Path, monkeypatch: pyte
             "is done yet in runs/single/results",
         ),
         (["reproduce", "dumps/1.pt"], "there is single, five, unseen to reproduce, not 'dumps/1.pt'; for a dump"),
-        (["reproduce", "single", "--table", "--arms", "never"], "--table is of all arms; leave out --arms"),
+        (["reproduce", "single", "--table", "--arms", "never"], "--arms: --table is of all that there is"),
+        (["reproduce", "single", "--table", "--seeds", "2", "--jobs", "3"], "--seeds, --jobs: --table is of all"),
+        (["experiment", "single", "--set", "seed=7"], "--set seed: an experiment numbers its seeds itself"),
+        (["reproduce", "single", "--smoke", "--results", __file__], "--results .* is not a folder"),
         (["reproduce", "single", "--smoke", "--quick"], "either --smoke or --quick"),
         (["experiment", "first-light", "--quick"], "experiment first-light has no quick form"),
     ):

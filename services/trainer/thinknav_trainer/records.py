@@ -4,6 +4,7 @@ Knows nothing of how episodes are played.
 """
 
 import json
+import logging
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -15,6 +16,8 @@ import numpy as np
 from thinknav_trainer.config import ConfigError
 from thinknav_trainer.farming import FARMING
 from thinknav_trainer.statistics import bootstrap_interval
+
+logger = logging.getLogger(__name__)
 
 MEASURES = (
     "success",
@@ -92,8 +95,14 @@ def count_failures(records: Sequence[EpisodeRecord]) -> dict[str, int]:
 
 
 def write_evaluation(folder: Path, protocol: Mapping[str, Any], records: Sequence[EpisodeRecord]) -> Path:
-    """`result.json` (protocol and summaries) and `episodes.jsonl` (every record) in a folder; the path of the first."""
+    """`result.json` (protocol and summaries) and `episodes.jsonl` (every record) in a folder; the path of the first.
+
+    Whoever evaluates again replaces what was there, and is told where that was made otherwise.
+    """
     folder.mkdir(parents=True, exist_ok=True)
+    changed = _changed_protocol(folder, protocol)
+    if changed:
+        logger.warning("%s held another evaluation, which is replaced; it differed in %s", folder, ", ".join(changed))
     with (folder / "episodes.jsonl").open("w") as file:
         file.writelines(json.dumps(asdict(record)) + "\n" for record in records)
     result = {
@@ -106,6 +115,16 @@ def write_evaluation(folder: Path, protocol: Mapping[str, Any], records: Sequenc
     path = folder / "result.json"
     path.write_text(json.dumps(result, indent=2) + "\n")
     return path
+
+
+def _changed_protocol(folder: Path, protocol: Mapping[str, Any]) -> list[str]:
+    """What is said otherwise by the protocol of the evaluation in a folder, if there is one."""
+    try:
+        before = json.loads((folder / "result.json").read_text())["protocol"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return []
+    now = json.loads(json.dumps(dict(protocol)))
+    return sorted(name for name in {*before, *now} if before.get(name) != now.get(name))
 
 
 def read_evaluation(folder: Path) -> tuple[dict[str, Any], list[EpisodeRecord]]:

@@ -146,8 +146,10 @@ def evaluate_checkpoint(
         require_split(split)
     checkpoint = Checkpoint.load(path)
     config = when.configure(parse_config(checkpoint.config).with_planner(planner_url).with_control(control))
+    if control is not None and config.think.strategy == "never":
+        raise ConfigError("a control replaces replies, and the policy of this checkpoint never thinks")
     where = split if elsewhere is None else elsewhere.name
-    folder = output or _usual_folder(path, where, when, control)
+    folder = output or _usual_folder(path, f"{where}-greedy" if greedy else where, when, control)
     with ExitStack() as stack:
         planner = connect_if_thinking(config, stack)
         checkpoint.require(action_space(config), embedding_space(planner))
@@ -189,7 +191,12 @@ def _usual_folder(checkpoint: Path, where: str, when: WhenToThink, control: str 
 def evaluation_folder(checkpoint: Path, where: str, kind: str = "evaluations") -> Path:
     """Where in its run a checkpoint's evaluation lies. where: the episodes' name."""
     run = Path(os.path.normpath(checkpoint.parent / ".."))  # also from within the folder of checkpoints
-    return run / kind / f"{checkpoint.stem}-{re.sub(r'[^A-Za-z0-9_.-]+', '_', where)}"
+    return run / kind / folder_name(f"{checkpoint.stem}-{where}")
+
+
+def folder_name(name: str) -> str:
+    """A name without what folders' names had better not have."""
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", name)
 
 
 def own_split(config: TrainConfig, split: str, homes: Homes | None = None) -> EpisodeSet:

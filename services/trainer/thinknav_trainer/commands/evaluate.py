@@ -21,7 +21,7 @@ from thinknav_trainer.home_sets import parse_home_set
 from thinknav_trainer.interrupt import Interruption, interruption
 from thinknav_trainer.records import count_failures
 from thinknav_trainer.when_to_think import WhenToThink
-from thinknav_trainer.workflow import connect_if_thinking, evaluate_checkpoint
+from thinknav_trainer.workflow import connect_if_thinking, evaluate_checkpoint, folder_name
 
 _DEFAULT_HOMES = "val:0-20"
 
@@ -80,7 +80,7 @@ Forwards = Annotated[int, typer.Option(min=1, help="steps forward for one that i
 
 _OF_POLICY = ("split", "greedy", "think_bias", "think_every")
 _OF_AGENT = ("preset", "config_file", "overrides")
-_OF_ASKING = ("views", "temperature")
+_OF_ASKING = ("views", "temperature", "control", "planner")
 _OF_OBEDIENCE = ("stop_gate", "looks", "turns", "forwards")
 
 
@@ -136,7 +136,9 @@ def evaluate(
             think = {"think.context": views, "think.temperature": temperature}
             config = _config(preset, config_file, overrides, {"planner": planner, "planner.control": control, **think})
             setting = Setting(config, Obedience(turns, forwards, stop_gate, looks), clock)
-            folder = output or Path("runs") / "evaluations" / str(agent)
+            told = f"-{control}" if control else ""
+            name = f"{agent}{told}-{where.name}"
+            folder = output or Path("runs") / "evaluations" / folder_name(name)
             records = _play(str(agent), where, setting, folder, interrupted)
             title = f"episodes of {where.name}, agent {agent}"
     if not interrupted.requested:
@@ -150,7 +152,7 @@ def _check_options(context: typer.Context, checkpoint: Path | None, agent: str |
     if (checkpoint is None) == (agent is None):
         raise ConfigError("give either a checkpoint or --agent")
     if checkpoint is not None:
-        of_agent = (*_OF_AGENT, *_OF_ASKING, *_OF_OBEDIENCE)
+        of_agent = (*_OF_AGENT, "views", "temperature", *_OF_OBEDIENCE)
         refuse_given(context, of_agent, "for --agent; a checkpoint's policy plays the task of its run")
     if agent is not None:
         refuse_given(context, _OF_POLICY, "for the policy of a checkpoint")

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from thinknav_trainer.commands.options import Runs
+from thinknav_trainer.commands.options import Runs, check_folder, refuse_given
 from thinknav_trainer.config import ConfigError
 from thinknav_trainer.experiments import (
     EXPERIMENTS,
@@ -33,6 +33,7 @@ Table = Annotated[bool, typer.Option("--table", help="only write down what there
 
 
 def experiment(
+    context: typer.Context,
     name: Annotated[str, typer.Argument(help=", ".join(EXPERIMENTS))],
     seeds: Seeds = None,
     arms: Arms = None,
@@ -45,11 +46,16 @@ def experiment(
     table: Table = False,
 ) -> None:
     """Train and evaluate the arms of an experiment; the same command goes on with what was begun."""
+    _check(context, table, results)
+    for override in overrides or ():
+        if override.partition("=")[0].strip() == "seed":
+            raise ConfigError("--set seed: an experiment numbers its seeds itself; see --seeds")
     wanted = Wanted(_names(arms), seeds, jobs, tuple(overrides or ()))
     _conduct(_form(named_experiment(name), smoke, quick), wanted, runs, results, table)
 
 
 def reproduce(
+    context: typer.Context,
     name: Annotated[str, typer.Argument(help=", ".join(REPRODUCED))],
     seeds: Seeds = None,
     arms: Arms = None,
@@ -65,7 +71,16 @@ def reproduce(
         raise ConfigError(
             f"there is {', '.join(REPRODUCED)} to reproduce, not {name!r}; for a dump: thinknav redo DUMP"
         )
+    _check(context, table, results)
     _conduct(_form(named_experiment(name), smoke, quick), Wanted(_names(arms), seeds, jobs), runs, results, table)
+
+
+def _check(context: typer.Context, table: bool, results: Path | None) -> None:
+    """Refuse what does not go together, before anything is trained. Raises ConfigError."""
+    if table:
+        refuse_given(context, ("arms", "seeds", "jobs"), "--table is of all that there is, and trains nothing")
+    if results is not None:
+        check_folder("--results", results)
 
 
 def _form(wanted: Experiment, smoke: bool, quick: bool) -> Experiment:
@@ -82,8 +97,6 @@ def _names(arms: str | None) -> tuple[str, ...]:
 
 def _conduct(chosen: Experiment, wanted: Wanted, runs: Path, results: Path | None, table: bool) -> None:
     """Run it, or only write down what there is; and tell."""
-    if table and wanted.arms:
-        raise ConfigError("--table is of all arms; leave out --arms")
     folder = runs / chosen.full_name
     place = results or _usual_results(chosen, folder, wanted)
     with interruption() as interrupted:

@@ -18,6 +18,7 @@ from thinknav_trainer.statistics import compare_means, student_interval
 
 PAPER = "agent-paper"
 BEST = "agent-best"
+CALLS_PER_SUCCESS = "calls_per_success"
 COMPARED = ("spl", "success", "soft_spl", "distance_to_goal", "sot")
 
 Stats = dict[str, Any]  # mean, low, high, per_seed
@@ -54,9 +55,17 @@ def lines_of(arm: Arm, lines: Sequence[Line]) -> list[Line]:
 
 
 def over_seeds(rows: Sequence[dict[str, float | None]]) -> dict[str, Stats]:
-    """Mean, interval and the values themselves, by measure; the mean is of the seeds that have one."""
+    """Mean, interval and the values themselves, by measure; the mean is of the seeds that have one.
+
+    But calls per success are all calls over all successes: a seed without success would else make them look fewer.
+    """
     names = list(dict.fromkeys(name for row in rows for name in row))
-    return {name: _over_seeds([row.get(name) for row in rows]) for name in names}
+    statistics = {name: _over_seeds([row.get(name) for row in rows]) for name in names}
+    if CALLS_PER_SUCCESS in statistics:
+        thinks, success = statistics["thinks"]["mean"], statistics["success"]["mean"]
+        pooled = {"mean": thinks / success if success else None, "low": None, "high": None}
+        statistics[CALLS_PER_SUCCESS] |= _rounded(pooled)
+    return statistics
 
 
 def _over_seeds(values: Sequence[float | None]) -> Stats:

@@ -37,7 +37,7 @@ def write_report(folder: Path) -> Path:
     config = read_config(folder)
     metrics = read_metrics(folder)
     evaluations = [
-        read_evaluation(path.parent) for path in sorted((folder / "evaluations").glob("*-held_out/result.json"))
+        read_evaluation(path.parent) for path in sorted((folder / "evaluations").glob("*-held_out*/result.json"))
     ]
     if not evaluations:
         raise RunError(
