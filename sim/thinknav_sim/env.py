@@ -87,7 +87,10 @@ class ObjectNavEnv(gymnasium.Env[dict[str, NDArray[Any]], np.int64]):
         return _first(observations), {"episode_index": int(self.vector_env.episode_indices[0])}
 
     def step(self, action: np.int64 | int) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
-        """Take one action. `info["episode"]` sums the episode up when it has ended."""
+        """Take one action. `info["episode"]` sums the episode up when it has ended.
+
+        Gymnasium's RecordEpisodeStatistics writes to this key unless told otherwise: `stats_key="stats"`.
+        """
         if self._needs_reset:
             raise ResetNeeded("call reset() before step()")
         observations, rewards, terminations, truncations, infos = self.vector_env.step([int(action)])

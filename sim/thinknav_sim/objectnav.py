@@ -31,6 +31,23 @@ def make_grid(
     )
 
 
+def is_of_played_storey(scene: Scene, grid: NavigationGrid, position: NDArray[np.float64]) -> bool:
+    """Whether a position (3,) has the height of the floor that is played on there, whatever stands in its place.
+
+    Where nobody can stand, its storey is the scene's that is nearest in height. grid: the scene's.
+    """
+    if abs(position[1] - _floor_at(grid, position)) > _SAME_FLOOR_M:
+        return False
+    nearest = min(scene.floors, key=lambda level: abs(level - position[1]))
+    return nearest == scene.floors[0] or float(grid.snap(position[None])[1][0]) <= _START_TOLERANCE_M
+
+
+def _floor_at(grid: NavigationGrid, position: NDArray[np.float64]) -> float:
+    """Height of the floor at the navigable place that is nearest, seen from above, to a position (3,)."""
+    (row,), (col,) = grid.cells(grid.snap(position[None])[0])
+    return float(grid.floor[row, col])
+
+
 @dataclass(frozen=True)
 class PreparedScene:
     """A scene, its grid, and the goals that were asked for. scene_id: the renderer's."""
@@ -132,8 +149,7 @@ class ObjectNavWorld:
                 f"episode {episode.episode_id!r} starts at {episode.start_position}, heading {episode.start_heading}, "
                 f"where an agent cannot stand in scene {episode.scene_name!r}"
             )
-        (row,), (col,) = grid.cells(snapped[None])
-        floor = float(grid.floor[row, col])
+        floor = _floor_at(grid, start)
         if abs(start[1] - floor) > _SAME_FLOOR_M:
             raise EpisodeError(
                 f"episode {episode.episode_id!r} starts at height {start[1]:.2f} m, but the floor of scene "

@@ -33,7 +33,7 @@ def observation_space(config: ObjectNavConfig) -> spaces.Dict:
             "depth": spaces.Box(0.0, 1.0, (*size, 1), np.float32),
             "gps": spaces.Box(-MAX_EXTENT_M, MAX_EXTENT_M, (2,), np.float32),
             "compass": spaces.Box(-math.pi, math.pi, (1,), np.float32),
-            "moved": spaces.Box(0.0, MAX_EXTENT_M, (1,), np.float32),  # more than a step on stairs
+            "moved": spaces.Box(0.0, MAX_EXTENT_M, (1,), np.float32),
             "objectgoal": spaces.Box(0, len(GOAL_CATEGORIES) - 1, (1,), np.int64),
         }
     )

@@ -7,6 +7,7 @@ Knows nothing of scenes, renderers or learners.
 from enum import IntEnum
 from typing import Literal, Self
 
+import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 
@@ -34,7 +35,7 @@ class ObjectNavConfig(BaseModel):
     camera_height: float = Field(0.88, gt=0.0, le=3.0, description="camera above the agent's feet, metres")
     agent_radius: float = Field(0.18, gt=0.0, le=1.0, description="radius of the agent's body, metres")
     agent_height: float = Field(0.88, gt=0.1, le=3.0, description="height of the agent's body, metres")
-    forward_step: float = Field(0.25, gt=0.0, le=2.0, description="length of MOVE_FORWARD, metres")
+    forward_step: float = Field(0.25, ge=0.01, le=2.0, description="length of MOVE_FORWARD, metres")
     turn_angle: float = Field(10.0, gt=0.0, le=180.0, description="angle of TURN_LEFT and TURN_RIGHT, degrees")
     max_steps: int = Field(500, ge=1, description="steps before an episode is cut off")
     allow_sliding: bool = Field(False, description="slide along obstacles instead of stopping at contact")
@@ -54,8 +55,9 @@ class ObjectNavConfig(BaseModel):
 
     @model_validator(mode="after")
     def _depths_in_order(self) -> Self:
-        if self.min_depth >= self.max_depth:
-            raise ValueError(f"min_depth {self.min_depth} must be less than max_depth {self.max_depth}")
+        # As pictures have them: numbers that differ less leave nothing to divide by.
+        if np.float32(self.min_depth) >= np.float32(self.max_depth):
+            raise ValueError(f"min_depth {self.min_depth} must be less than max_depth {self.max_depth} (as float32)")
         return self
 
     @property

@@ -90,6 +90,27 @@ def test_no_episode_is_passed_over(env: ObjectNavEnv) -> None:
     assert env.reset(seed=3)[1]["episode_index"] == 0
 
 
+def test_gymnasiums_statistics_take_a_key_of_their_own(env: ObjectNavEnv) -> None:
+    recorded = gymnasium.wrappers.RecordEpisodeStatistics(env, stats_key="stats")
+    recorded.reset()
+    recorded.step(np.int64(Action.TURN_LEFT))
+    info = recorded.step(np.int64(Action.STOP))[4]
+    assert info["stats"]["l"] == info["episode"]["steps"] == 2
+
+
+def test_gymnasiums_statistics_of_many_take_a_key_of_their_own(
+    divided_room: Scene, episodes: tuple[Episode, ...]
+) -> None:
+    envs = ObjectNavVectorEnv([divided_room], episodes, 2, SMALL)
+    recorded = gymnasium.wrappers.vector.RecordEpisodeStatistics(envs, stats_key="stats")
+    recorded.reset()
+    recorded.step(np.array([Action.TURN_LEFT, Action.TURN_LEFT]))
+    infos = recorded.step(np.array([Action.STOP, Action.TURN_LEFT]))[4]
+    assert infos["_stats"].tolist() == infos["_episode"].tolist() == [True, False]
+    assert infos["stats"]["l"][0] == infos["episode"]["steps"][0] == 2
+    envs.close()
+
+
 def test_an_ended_episode_must_be_reset(env: ObjectNavEnv) -> None:
     with pytest.raises(ResetNeeded):
         env.step(Action.TURN_LEFT)

@@ -22,6 +22,8 @@ def test_think_is_an_action_only_when_asked_for() -> None:
         ({"widht": 64}, "widht"),
         ({"width": 0}, "greater than or equal to 1"),
         ({"min_depth": 5.0, "max_depth": 5.0}, "min_depth 5.0 must be less than max_depth 5.0"),
+        ({"min_depth": 1.0, "max_depth": 1.00000001}, "must be less than max_depth 1.00000001"),
+        ({"forward_step": 1e-12}, "greater than or equal to 0.01"),
         ({"success": "nearby"}, "'paper' or 'viewpoint'"),
         ({"slack_reward": 0.1}, "less than or equal to 0"),
     ],

@@ -10,7 +10,9 @@ import pytest
 from gymnasium.error import ResetNeeded
 from gymnasium.vector import AutoresetMode
 
+from tests.sim.conftest import MakeRoom
 from thinknav_sim.episodes import Episode, EpisodeError
+from thinknav_sim.follower import ShortestPathFollower
 from thinknav_sim.scene import GOAL_CATEGORIES, Scene, SceneError
 from thinknav_sim.task_config import Action, ObjectNavConfig
 from thinknav_sim.vector_env import ObjectNavVectorEnv
@@ -320,6 +322,29 @@ def test_state_is_refused_by_another_env(make_env: MakeEnv) -> None:
         make_env(FAR, BED, num_envs=3).load_state_dict(env.state_dict())
     with pytest.raises(ValueError, match="of an env of 2 episodes; this one has 1"):
         make_env(FAR, num_envs=2).load_state_dict(env.state_dict())
+
+
+def test_over_stairs_all_lengths_are_measured_from_above(make_room: MakeRoom) -> None:
+    stairs = [(2.0 + 0.3 * i, 0.0, 1.0, 6.0, 0.2 * (i + 1), 3.0) for i in range(5)]
+    scene = replace(make_room((6.0, 4.0), stairs, [("plant", (5.6, 1.0, 1.8, 5.9, 1.6, 2.2))]), level_floors=False)
+    start = Episode("up", "room", (1.0, 0.0, 2.0), -LEFT, "plant", 3.0, 3.0)
+    env = ObjectNavVectorEnv([scene], [start], 1, SMALL.model_copy(update={"success": "viewpoint"}))
+    before, infos = env.reset()
+    follower = ShortestPathFollower(env)
+    ended = False
+    while not ended:
+        height = env.poses[0, 1]
+        observations, _, (ended,), _, infos = env.step(follower.actions())
+        after = infos["final_obs"][0] or {name: values[0] for name, values in observations.items()}
+        led = np.hypot(*(after["gps"] - np.ravel(before["gps"])))
+        assert after["moved"][0] == pytest.approx(led, abs=1e-6), f"at height {height}"
+        before = after
+    env.close()
+    assert height == pytest.approx(1.0, abs=1e-3)
+    summary = {name: values[0] for name, values in infos["episode"].items()}
+    assert summary["path_length"] == pytest.approx(summary["shortest_path_length"], abs=SMALL.forward_step)
+    assert summary["success"]
+    assert summary["spl"] > 0.95
 
 
 def test_a_start_a_little_off_the_grid_is_moved_onto_it(make_env: MakeEnv) -> None:

@@ -64,6 +64,18 @@ def test_a_broken_file_is_one_error(room: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
+def test_a_second_floor_that_is_too_small_is_told_and_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "bathroom.glb"
+    path.write_bytes(glb_bytes(*boxes([(0.0, 0.0, 0.0, 2.6, 3.5, 2.2), (0.0, 0.0, 0.0, 2.6, 1.9, 0.5)])))
+    out = tmp_path / "out"
+    result = CliRunner().invoke(app, ["scenes", "import", str(path), "--output", str(out)])
+    assert result.exit_code == 0, result.output
+    assert "floor at 0.00 m: 2" in result.output
+    assert "floor at 1.90 m: left out, too small to stand on" in result.output
+    assert (out / "bathroom.png").is_file()
+    assert (out / "bathroom.npz").is_file()
+
+
 def test_scans_take_the_place_of_homes(room: Path, tmp_path: Path) -> None:
     CliRunner().invoke(app, ["scenes", "import", str(room), "--output", str(tmp_path / "out")])
     for path in (room, tmp_path / "out" / "attic.npz"):

@@ -1,5 +1,7 @@
 """Our episodes and Habitat's: the same task in two notations. Knows nothing of files, and measures nothing."""
 
+import sys
+
 from thinknav_sim.episodes import Episode, EpisodeError
 from thinknav_sim.habitat.rotation import heading_of, rotation_of
 from thinknav_sim.habitat.schema import HabitatEpisode
@@ -11,13 +13,14 @@ SCENE_FOLDER = "thinknav"
 def from_habitat(episode: HabitatEpisode) -> Episode:
     """Our episode. Its scene is called as Habitat's content files are: "TEEsavR23oF".
 
-    Raises EpisodeError for one whose info lacks the distances.
+    Raises EpisodeError for one whose info lacks the distances, or has some that are negative or not finite.
     """
     distances = []
     for key in ("geodesic_distance", "euclidean_distance"):
         value = (episode.info or {}).get(key)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise EpisodeError(f"episode {episode.episode_id!r}: info.{key} must be a number, not {value!r}")
+        # Compared with the largest float, so that no whole number is too large for one.
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= sys.float_info.max:
+            raise EpisodeError(f"episode {episode.episode_id!r}: info.{key} must be a number of metres, not {value!r}")
         distances.append(float(value))
     return Episode(
         episode_id=str(episode.episode_id),

@@ -6,10 +6,19 @@ Knows nothing of files on disk, nor of our own episodes.
 
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, field_validator
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
 
 from thinknav_sim.habitat.rotation import heading_of
+from thinknav_sim.scene_files import scene_name_of
 
+
+def _writable(text: str) -> str:
+    """What JSON can spell need not be text: half of a surrogate pair can be neither shown nor written to a file."""
+    text.encode()
+    return text
+
+
+Text = Annotated[str, AfterValidator(_writable)]
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Position = tuple[Number, Number, Number]
 Rotation = tuple[Number, Number, Number, Number]
@@ -50,11 +59,11 @@ class HabitatGoal(_Keys):
 class HabitatEpisode(_Keys):
     """One episode. info: geodesic_distance and euclidean_distance in metres, closest_goal_object_id, and more."""
 
-    episode_id: str | int
-    scene_id: str
+    episode_id: Text | int
+    scene_id: Text
     start_position: Position
     start_rotation: Rotation
-    object_category: str
+    object_category: Text
     info: dict[str, Any] | None = None
 
     @field_validator("start_rotation")
@@ -70,8 +79,8 @@ class HabitatEpisode(_Keys):
 
     @property
     def scene_name(self) -> str:
-        """That without its endings, such as "TEEsavR23oF"; the content file of the scene has this name."""
-        return self.scene_file.split(".", 1)[0]
+        """That without its ending, such as "TEEsavR23oF"; the content file of the scene has this name."""
+        return scene_name_of(self.scene_file)
 
     @property
     def goals_key(self) -> str:

@@ -1,7 +1,8 @@
 """Where an object counts as found, and how far it is from everywhere.
 
 The success zone of an object: the navigable cells from which it can be seen and whose walking distance to it is at most
-the success distance. These cells are what Habitat calls viewpoints. Knows nothing of agents' headings or of episodes.
+the success distance, of the storey that it stands in. These cells are what Habitat calls viewpoints. Knows nothing of
+agents' headings or of episodes.
 """
 
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from thinknav_sim.navigation.footprint import apart_from_box, apart_from_triangles
+from thinknav_sim.navigation.footprint import apart_from_box, apart_from_triangles, on_storey_of_box
 from thinknav_sim.navigation.geodesic import distance_field, march
 from thinknav_sim.navigation.grid import NavigationGrid
 from thinknav_sim.navigation.visibility import sees_points, surface_points
@@ -90,10 +91,11 @@ class _Window:
         centers = grid.positions(rows + self.rows.start, cols + self.cols.start)
         # Horizontal distance to the object's footprint.
         self.apart = apart_from_box(centers, instance.box)
-        near = self.navigable & (self.apart <= reach)
+        standing = self.navigable & on_storey_of_box(centers, instance.box)
+        near = standing & (self.apart <= reach)
         if not scene.level_floors:  # what stands in a scan stands at any angle, and its box has empty corners
             self.apart[near] = apart_from_triangles(centers[near], scene.triangles_of(instance.object_id))
-        self.near = self.navigable & (self.apart <= reach)
+        self.near = standing & (self.apart <= reach)
         self.centers = centers
 
     def positions(self) -> NDArray[np.float64]:

@@ -30,6 +30,7 @@ class NavigationGrid:
     floor: (rows, cols) float32, height of the floor at the cell's centre, NaN where there is none.
     labels: (rows, cols) int32, the connected component that the cell belongs to, largest first from 1; 0 where an agent
         cannot stand. Component 1 is the one that is played in.
+    level: whether the floor has one height, but for rugs; not where it was followed over steps.
     """
 
     scene_name: str
@@ -37,6 +38,7 @@ class NavigationGrid:
     cell: float
     floor: NDArray[np.float32]
     labels: NDArray[np.int32]
+    level: bool = True
 
     @classmethod
     def from_scene(
@@ -85,7 +87,7 @@ class NavigationGrid:
                 f"scene {scene.name!r} has {area:.2f} m2 of navigable floor at height {level:.2f} m; "
                 "is it in metres, y up, and is that the height of its floor?"
             )
-        return cls(scene.name, low, cell, floor, labels)
+        return cls(scene.name, low, cell, floor, labels, scene.level_floors)
 
     @classmethod
     def from_mask(

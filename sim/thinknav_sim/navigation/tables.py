@@ -18,7 +18,7 @@ class GridTable(NamedTuple):
     """The grids of S scenes in flat arrays, as compiled code wants them.
 
     navigable, floor: (cells of all scenes,). first: (S,) index of a scene's first cell. shape: (S, 2) rows and columns.
-    origin: (S, 2) x and z. cell: (S,) metres.
+    origin: (S, 2) x and z. cell: (S,) metres. level: (S,) bool, whether a scene's floor has one height.
     """
 
     navigable: NDArray[np.bool_]
@@ -27,6 +27,7 @@ class GridTable(NamedTuple):
     shape: NDArray[np.int64]
     origin: NDArray[np.float64]
     cell: NDArray[np.float64]
+    level: NDArray[np.bool_]
 
     @classmethod
     def of(cls, grids: list[NavigationGrid]) -> "GridTable":
@@ -39,6 +40,7 @@ class GridTable(NamedTuple):
             shape=np.array([grid.shape for grid in grids], np.int64),
             origin=np.array([grid.origin for grid in grids], np.float64),
             cell=np.array([grid.cell for grid in grids], np.float64),
+            level=np.array([grid.level for grid in grids], np.bool_),
         )
 
 

@@ -26,7 +26,9 @@ class Camera:
             raise ValueError(f"a camera has at least one pixel each way, not {self.width}x{self.height}")
         if not 1.0 <= self.hfov <= 170.0:
             raise ValueError(f"hfov must lie between 1 and 170 degrees, not {self.hfov}")
-        if self.depth_range is not None and not 0 <= self.depth_range[0] < self.depth_range[1] < math.inf:
+        with np.errstate(over="ignore"):
+            low, high, _ = self.depth_scale
+        if self.depth_range is not None and not 0 <= low < high < math.inf:
             raise ValueError(f"a depth range goes from 0 m or more to more than that, not {self.depth_range}")
 
     @property

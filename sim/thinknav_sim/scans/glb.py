@@ -24,12 +24,15 @@ _UNREADABLE = {
     "KHR_meshopt_compression": "its geometry is compressed with meshopt (KHR_meshopt_compression)",
     "KHR_draco_mesh_compression": "its geometry is compressed with Draco (KHR_draco_mesh_compression)",
 }
+# An older way to give a material its colour and texture.
+SPECULAR_GLOSSINESS = "KHR_materials_pbrSpecularGlossiness"
 _READABLE = {
     "KHR_texture_basisu",
     "EXT_texture_webp",
     "KHR_texture_transform",
     "KHR_mesh_quantization",
     "KHR_materials_unlit",
+    SPECULAR_GLOSSINESS,
 }
 
 

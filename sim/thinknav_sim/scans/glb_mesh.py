@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from thinknav_sim.scans.glb import Glb
+from thinknav_sim.scans.glb import SPECULAR_GLOSSINESS, Glb
 from thinknav_sim.scans.images import decode_image
 from thinknav_sim.scans.mesh import PLAIN, Mesh, texel_colors
 from thinknav_sim.scene import SceneError
@@ -76,7 +76,7 @@ class _SceneReader:
         triangles = _triangles(order, primitive.get("mode", _TRIANGLES))
         vertices = local @ placed[:3, :3].T + placed[:3, 3]
         material = self._glb.entry("materials", primitive["material"]) if "material" in primitive else {}
-        look = material.get("pbrMetallicRoughness", {})
+        look = _look(material)
         factor = tuple(float(value) for value in look.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0)))[:3]
         slot = look.get("baseColorTexture")
         if slot is not None:
@@ -132,6 +132,16 @@ class _SceneReader:
                 pixels = np.clip(pixels * (np.array(_srgb(factor)) / 255.0), 0, 255).astype(np.uint8)
             self._images[key] = pixels
         return self._images[key]
+
+
+def _look(material: dict[str, Any]) -> dict[str, Any]:
+    """A material's colour and texture by the keys of pbrMetallicRoughness, whichever of the two ways they are given."""
+    look: dict[str, Any] = material.get("pbrMetallicRoughness", {})
+    glossy = material.get("extensions", {}).get(SPECULAR_GLOSSINESS)
+    if glossy is None or "baseColorTexture" in look:
+        return look
+    keys = {"diffuseFactor": "baseColorFactor", "diffuseTexture": "baseColorTexture"}
+    return {**look, **{keys[key]: value for key, value in glossy.items() if key in keys}}
 
 
 def _transform(node: dict[str, Any]) -> NDArray[np.float64]:

@@ -104,8 +104,16 @@ def _import(source: Source, options: ScanOptions) -> tuple[Scene, tuple[str, ...
 
 
 def _frame(source: Source, mesh: Mesh, options: ScanOptions) -> Frame:
-    if not source.is_hm3d:
-        return find_frame(mesh, source.mesh, options.units, options.up_axis)
+    if source.is_hm3d:
+        return _hm3d_frame(source, mesh, options)
+    is_gltf = source.mesh.suffix.lower() == ".glb"
+    if source.room_capture is None or options.up_axis is not None:
+        return find_frame(mesh, source.mesh, options.units, options.up_axis, is_gltf=is_gltf)
+    found = find_frame(mesh, source.mesh, options.units, "y")
+    return replace(found, reasons=(found.reasons[0], "up-axis: y (guessed: that of the room capture)"))
+
+
+def _hm3d_frame(source: Source, mesh: Mesh, options: ScanOptions) -> Frame:
     found = find_frame(mesh, source.mesh, options.units or "m", options.up_axis or "z")
     said = [f"{kind} (HM3D's)" for kind in (f"units: {found.units}", f"up-axis: {found.up_axis}")]
     given = (options.units is not None, options.up_axis is not None)

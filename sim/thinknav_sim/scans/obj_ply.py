@@ -10,9 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from thinknav_sim.scans.images import decode_image
 from thinknav_sim.scans.mesh import PLAIN, Mesh, texel_colors
-from thinknav_sim.scans.references import PLY_HEADER, material_libraries, material_textures
+from thinknav_sim.scans.references import PLY_HEADER, material_libraries, material_textures, named_files
 from thinknav_sim.scene import SceneError
+
+# A PLY has one texture at most, and no names of materials.
+_PLY_MATERIAL = ""
 
 
 def read_obj_or_ply(path: Path) -> Mesh:
@@ -21,9 +25,10 @@ def read_obj_or_ply(path: Path) -> Mesh:
         import trimesh
     except ImportError:
         raise SceneError(f"reading {path} needs trimesh; install 'thinknav[scans]'") from None
-    if path.suffix.lower() == ".ply":
+    is_ply = path.suffix.lower() == ".ply"
+    if is_ply:
         _check_ply(path)
-    textures = _textures(path) if path.suffix.lower() == ".obj" else {}
+    textures = _textures(path)
     # It warns of materials that it does not find; the mesh is good without them.
     logging.getLogger("trimesh").setLevel(logging.ERROR)
     try:
@@ -39,13 +44,15 @@ def read_obj_or_ply(path: Path) -> Mesh:
     except Exception as error:  # its readers raise whatever they stumble on
         raise SceneError(f"{path} cannot be read: {type(error).__name__}: {error}") from None
     mesh = Mesh.joined([part for part in parts if len(part.triangles)])
-    if path.suffix.lower() == ".obj":
+    if not is_ply:
         _check_obj(path, len(mesh.triangles))
     return mesh
 
 
 def _textures(path: Path) -> dict[str, Path]:
-    """The texture of each material of an OBJ that has one."""
+    """The texture of each material that has one."""
+    if path.suffix.lower() == ".ply":
+        return dict(zip([_PLY_MATERIAL], named_files(path), strict=False))
     libraries = material_libraries(path)
     return {name: library.parent / file for library in libraries for name, file in material_textures(library).items()}
 
@@ -62,7 +69,11 @@ def _part(geometry: Any, path: Path, textures: dict[str, Path]) -> Mesh:
     uv = getattr(visual, "uv", None)
     material = getattr(visual, "material", None)
     image = getattr(material, "image", None)
-    if uv is not None and image is None and (texture_file := textures.get(getattr(material, "name", None) or "")):
+    is_ply = path.suffix.lower() == ".ply"
+    texture_file = textures.get(_PLY_MATERIAL if is_ply else getattr(material, "name", None) or "")
+    if is_ply and not _shows(texture_file):
+        image = None  # trimesh has put a picture of its own there
+    if uv is not None and image is None and texture_file is not None:
         missing = "cannot be decoded" if texture_file.is_file() else "is not there"
         raise SceneError(f"{path} needs the texture {texture_file}, which {missing}")
     if uv is not None and image is not None and len(uv) == len(vertices):
@@ -84,6 +95,14 @@ def _part(geometry: Any, path: Path, textures: dict[str, Path]) -> Mesh:
         np.zeros((len(vertices), 2), np.float32),
         np.full(len(triangles), -1, np.int32),
     )
+
+
+def _shows(texture_file: Path | None) -> bool:
+    """Whether a picture is there and can be decoded."""
+    try:
+        return texture_file is not None and decode_image(texture_file.read_bytes(), texture_file).size > 0
+    except (OSError, SceneError):
+        return False
 
 
 def _colors(visual: Any, count: int) -> tuple[NDArray[np.uint8], bool]:

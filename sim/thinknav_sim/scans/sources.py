@@ -9,6 +9,7 @@ from pathlib import Path
 
 from thinknav_sim.scans.references import named_files
 from thinknav_sim.scene import SceneError
+from thinknav_sim.scene_files import scene_name_of
 
 FORMATS = (".glb", ".obj", ".ply")
 _BASIS = ".basis.glb"
@@ -74,7 +75,7 @@ def find_source(path: Path, semantics: Path | None = None) -> Source:
         hint = _HINTS.get(mesh.suffix.lower(), "export it as GLB")
         raise SceneError(f"{mesh} is not GLB, OBJ or PLY; {hint}")
     is_hm3d = mesh.name.lower().endswith(_BASIS)
-    name = mesh.name[: -len(_BASIS)] if is_hm3d else mesh.stem
+    name = scene_name_of(mesh.name)
     semantic_glb = mesh.with_name(f"{name}.semantic.glb") if is_hm3d else None
     capture = mesh.with_suffix(".json")
     if semantics is not None:

@@ -16,7 +16,7 @@ import numpy as np
 from thinknav_sim.scene import Box, ObjectInstance, Scene, SceneError
 
 # Raised whenever what an import makes of the same file changes, so that no old result is used.
-FORMAT = 1
+FORMAT = 2
 
 
 def cache_folder() -> Path:
@@ -68,6 +68,8 @@ def read_scene(path: Path) -> tuple[Scene, tuple[str, ...]]:
             header = json.loads(arrays["header"].tobytes())
             if header["format"] != FORMAT:
                 raise SceneError(f"{path} is of format {header['format']}, not {FORMAT}; import the scan again")
+            if not header["floors"]:
+                raise SceneError(f"{path} has no floor that one could stand on")
             scene = Scene(
                 name=header["name"],
                 vertices=arrays["vertices"],

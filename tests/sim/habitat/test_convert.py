@@ -69,6 +69,22 @@ def test_there_and_back(heading: float, x: float, y: float) -> None:
     assert replace(back, start_heading=heading) == episode
 
 
+@pytest.mark.parametrize(
+    ("scene_id", "name"),
+    [
+        ("hm3d/val/00800-TEEsavR23oF/TEEsavR23oF.basis.glb", "TEEsavR23oF"),
+        ("mp3d/17DRP5sb8fy/17DRP5sb8fy.glb", "17DRP5sb8fy"),
+        ("hssd-hab/scenes/102343992.scene_instance.json", "102343992"),
+        ("thinknav/flat.2", "flat.2"),
+        ("scans\\flat.2.GLB", "flat.2"),
+    ],
+)
+def test_scenes_lose_their_endings_and_no_other_part_of_their_names(scene_id: str, name: str) -> None:
+    written = to_habitat(replace(EPISODE, scene_name="flat.2"), 5)
+    assert from_habitat(written).scene_name == "flat.2"
+    assert from_habitat(written.model_copy(update={"scene_id": scene_id})).scene_name == name
+
+
 def test_keys_are_those_of_habitat() -> None:
     written = to_habitat(EPISODE, 5).as_json()
     assert set(written) == {
@@ -87,10 +103,15 @@ def test_keys_are_those_of_habitat() -> None:
     assert written["info"] == {"geodesic_distance": 4.5, "euclidean_distance": 3.25, "closest_goal_object_id": 5}
 
 
-def test_an_episode_without_distances_is_named() -> None:
-    broken = to_habitat(EPISODE, 5).model_copy(update={"info": {"geodesic_distance": None}})
-    with pytest.raises(EpisodeError, match=r"episode 'e-1': info\.geodesic_distance must be a number, not None"):
-        from_habitat(broken)
+@pytest.mark.parametrize(
+    "distance", [None, "3", True, math.nan, math.inf, -1.0, pytest.param(10**400, id="401 digits")]
+)
+def test_an_episode_without_distances_is_named(distance: object) -> None:
+    written = to_habitat(EPISODE, 5)
+    for name in ("geodesic_distance", "euclidean_distance"):
+        broken = written.model_copy(update={"info": {**(written.info or {}), name: distance}})
+        with pytest.raises(EpisodeError, match=rf"episode 'e-1': info\.{name} must be a number of metres, not "):
+            from_habitat(broken)
 
 
 def test_viewpoints_are_the_success_zone(

@@ -147,6 +147,22 @@ def test_an_object_out_of_reach_is_left_out(make_room, renderer: Renderer) -> No
     assert np.isinf(place.goal.distance).all()
 
 
+def test_an_object_on_the_storey_below_does_not_count(make_room: Any, renderer: Renderer) -> None:
+    """A gallery 1.6 m above a hall, and a sofa in the hall that one sees over the gallery's edge."""
+    gallery, sofa = (0.0, 1.5, 0.0, 6.0, 1.6, 4.0), (6.15, 0.0, 1.0, 6.95, 0.8, 3.0)
+    scene = replace(make_room((9.0, 4.0), [gallery], [("sofa", sofa)]), level_floors=False)
+    assert not Place(replace(scene, floors=(1.6,)), renderer, "sofa").goal.objects
+    assert Place(scene, renderer, "sofa").in_zone(7.5, 2.0)
+
+
+@pytest.mark.parametrize(("low", "counts"), [(2.1, True), (2.4, False)])
+def test_what_hangs_higher_than_a_storey_does_not_count(
+    make_room: Any, renderer: Renderer, low: float, counts: bool
+) -> None:
+    scene = make_room(objects=[("plant", (2.8, low, 2.8, 3.2, low + 0.08, 3.2))])
+    assert Place(scene, renderer, "plant").goal.zone.any() == counts
+
+
 def test_surface_points_lie_on_the_surface(open_place: Place) -> None:
     points = surface_points(open_place.scene, 0)
     box = open_place.scene.objects[0].box

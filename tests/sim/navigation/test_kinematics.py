@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.typing import NDArray
 
 from thinknav_sim.navigation import GridTable, NavigationGrid
 from thinknav_sim.navigation.kinematics import walk, wrap
@@ -63,6 +64,38 @@ def test_sliding_goes_on_along_the_wall(empty_room: Scene, renderer: Renderer) -
     assert x == pytest.approx(3.0 - 2.0 * math.sin(heading))
     assert x < stuck_x - 0.5
     assert z == pytest.approx(stuck_z)
+
+
+def beside_a_wall(degrees: float) -> tuple[GridTable, NDArray[np.float64]]:
+    """What lies this side of a straight wall through the origin, and the direction (x, z) into the wall."""
+    into = np.array([math.cos(math.radians(degrees)), math.sin(math.radians(degrees))])
+    x, z = np.meshgrid(*2 * [np.arange(-5.0, 5.0, 0.05) + 0.025])
+    free = into[0] * x + into[1] * z <= 0
+    return GridTable.of([NavigationGrid.from_mask("half", free, np.array([-5.0, -5.0]), 0.05)]), into
+
+
+@pytest.mark.parametrize("wall", [0, 5, 15, 30, 45, 60, 75, 90, 200, 285])
+def test_sliding_follows_a_wall_that_stands_at_any_angle(wall: int) -> None:
+    table, into = beside_a_wall(wall)
+    for incidence in (-80, -60, -45, -30, -10, 10, 30, 45, 60, 80):
+        angle = math.radians(wall + incidence)
+        heading = math.atan2(-math.cos(angle), -math.sin(angle))
+        x, z = -0.05 * into
+        for _ in range(8):
+            x, z, _ = walk(table, 0, x, z, heading, STEP, True)
+        along = math.copysign(1, incidence) * (z * into[0] - x * into[1])
+        wanted = 8 * STEP * abs(math.sin(math.radians(incidence)))
+        assert along >= (0.8 if abs(incidence) >= 30 else 0.0) * wanted, f"at {incidence} degrees"
+        assert along <= wanted + 0.2, f"at {incidence} degrees"
+
+
+def test_sliding_leads_through_a_passage_of_one_cell() -> None:
+    mask = np.zeros((40, 5), np.bool_)
+    mask[:, 2] = True
+    table = GridTable.of([NavigationGrid.from_mask("passage", mask, np.zeros(2), 0.05)])
+    _, z, blocked = walk(table, 0, 0.125, 1.0, math.radians(30), 0.5, True)
+    assert blocked
+    assert z == pytest.approx(1.0 - 0.5 * math.cos(math.radians(30)), abs=2 * CENTIMETRE)
 
 
 @settings(deadline=None, max_examples=200)

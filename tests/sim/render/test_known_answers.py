@@ -43,7 +43,9 @@ def test_a_depth_range_reads_from_0_to_1(renderer: Renderer, plain_room: Scene) 
         assert 0 <= depth.min() <= depth.max() <= 1
 
 
-@pytest.mark.parametrize("depth_range", [(2.0, 2.0), (-1.0, 2.0), (0.5, math.inf), (math.nan, 1.0)])
+@pytest.mark.parametrize(
+    "depth_range", [(2.0, 2.0), (1.0, 1.00000001), (-1.0, 2.0), (0.5, math.inf), (0.5, 1e39), (math.nan, 1.0)]
+)
 def test_a_depth_range_is_checked(depth_range: tuple[float, float]) -> None:
     with pytest.raises(ValueError, match="a depth range goes from"):
         Camera(depth_range=depth_range)

@@ -111,6 +111,14 @@ def ply_bytes(vertices: NDArray[np.float32], triangles: NDArray[np.int32], color
     return header.encode() + points.tobytes() + faces.tobytes()
 
 
+def textured_ply_text(vertices: NDArray[np.float32], triangles: NDArray[np.int32], comment: str) -> str:
+    """A PLY with one place on a texture for all vertices; the comment names the texture."""
+    values = "".join(f"property float {name}\n" for name in "xyzst")
+    head = f"ply\nformat ascii 1.0\n{comment}\nelement vertex {len(vertices)}\n{values}element face {len(triangles)}\n"
+    body = [f"{x} {y} {z} 0.5 0.5" for x, y, z in vertices] + [f"3 {a} {b} {c}" for a, b, c in triangles]
+    return f"{head}property list uchar int vertex_indices\nend_header\n" + "\n".join(body) + "\n"
+
+
 def capture_text(label: str, box: tuple[float, ...]) -> str:
     """A room capture with one box, upright: its z axis points up in the world."""
     half = float(np.sqrt(0.5))

@@ -8,7 +8,17 @@ import numpy as np
 import pytest
 
 from tests.sim.scans.conftest import WriteGlb
-from tests.sim.scans.files import ROOM, SOFA, boxes, capture_text, glb_bytes, obj_text, ply_bytes, png
+from tests.sim.scans.files import (
+    ROOM,
+    SOFA,
+    boxes,
+    capture_text,
+    glb_bytes,
+    obj_text,
+    ply_bytes,
+    png,
+    textured_ply_text,
+)
 from thinknav_sim.scans import ScanOptions, load_scan, write_scene
 from thinknav_sim.scene import Scene, SceneError
 
@@ -56,6 +66,25 @@ def test_a_scan_with_z_up_is_put_upright_as_habitat_does(write_glb: WriteGlb, gi
     scan = load_scan(write_glb(lying, triangles), ScanOptions(up_axis="z" if given else None))
     np.testing.assert_allclose(scan.scene.vertices, vertices, atol=1e-6)
     assert scan.notes[1].startswith("up-axis: z (" + ("given" if given else "guessed"))
+
+
+@pytest.mark.parametrize("width", [1.5, 1.8])
+def test_a_narrow_corridor_keeps_the_up_axis_of_its_format(write_glb: WriteGlb, width: float) -> None:
+    """Its walls have more surface than its floor."""
+    scan = load_scan(write_glb(*boxes([(0.0, 0.0, 0.0, 7.0, 2.5, width)])))
+    assert extent(scan.scene) == [7.0, 2.5, width]
+    assert scan.notes[1] == "up-axis: y (guessed: as glTF has it; then it is one storey high)"
+    assert extent(load_scan(write_glb(*boxes([(0.0, 0.0, 0.0, 7.0, 4.0, 1.4)]))).scene) == [7.0, 4.0, 1.4]
+
+
+def test_a_scan_with_a_room_capture_has_its_up_axis(write_glb: WriteGlb) -> None:
+    path = write_glb(*boxes([(0.0, 0.0, 0.0, 7.0, 4.0, 2.0)]))
+    assert extent(load_scan(path).scene) == [7.0, 2.0, 4.0]
+    path.with_suffix(".json").write_text(capture_text("COUCH", (0.5, 0.0, 0.3, 2.3, 0.8, 1.1)))
+    scan = load_scan(path)
+    assert extent(scan.scene) == [7.0, 4.0, 2.0]
+    assert scan.notes[1] == "up-axis: y (guessed: that of the room capture)"
+    assert load_scan(path, ScanOptions(up_axis="z")).notes[1] == "up-axis: z (given)"
 
 
 @pytest.mark.parametrize("suffix", ["obj", "ply"])
@@ -121,6 +150,22 @@ def test_textures_are_drawn_and_baked_into_vertex_colors(write_glb: WriteGlb, ki
     np.testing.assert_allclose(scene.colors[~high].astype(int), np.tile((40, 40, 220), (4, 1)), atol=4)
 
 
+def test_a_texture_given_with_specular_glossiness_is_drawn(write_glb: WriteGlb) -> None:
+    vertices, triangles = boxes([ROOM])
+
+    def glossy(document: dict[str, Any]) -> None:
+        (material,) = document["materials"]
+        look = {"diffuseTexture": material.pop("pbrMetallicRoughness")["baseColorTexture"]}
+        material["extensions"] = {"KHR_materials_pbrSpecularGlossiness": look}
+        document["extensionsRequired"] = document["extensionsUsed"] = list(material["extensions"])
+
+    image = png(np.full((4, 4, 3), (200, 30, 30), np.uint8))
+    path = write_glb(vertices, triangles, uv=np.zeros((8, 2), np.float32), image=image, change=glossy)
+    scene = load_scan(path).scene
+    assert len(scene.textures) == 1
+    assert (scene.colors == (200, 30, 30)).all()
+
+
 def test_decimation_keeps_shape_and_baked_colors(write_glb: WriteGlb) -> None:
     steps = np.linspace(0.0, 5.0, 41)
     x, z = (grid.ravel() for grid in np.meshgrid(steps, steps))
@@ -180,10 +225,7 @@ def test_a_scan_is_imported_again_when_a_file_that_it_names_has_changed(tmp_path
         path.write_text("\n".join(["mtllib room.mtl", *lines, *("f " + " ".join(face) for face in faces)]) + "\n")
         (tmp_path / "room.mtl").write_text("newmtl paint\nmap_Kd look/wall.png\n")
     else:
-        values = "".join(f"property float {name}\n" for name in "xyzst")
-        head = f"ply\nformat ascii 1.0\ncomment TextureFile look/wall.png\nelement vertex 8\n{values}element face 12\n"
-        body = [f"{x} {y} {z} 0.5 0.5" for x, y, z in vertices] + [f"3 {a} {b} {c}" for a, b, c in triangles]
-        path.write_text(f"{head}property list uchar int vertex_indices\nend_header\n" + "\n".join(body) + "\n")
+        path.write_text(textured_ply_text(vertices, triangles, "comment TextureFile look/wall.png"))
     for color in ((255, 0, 0), (0, 255, 0)):
         wall.write_bytes(png(np.full((4, 4, 3), color, np.uint8)))
         scan = load_scan(path)

@@ -5,6 +5,7 @@ import json
 import math
 import struct
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,20 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tests.sim.scans.conftest import WriteGlb
-from tests.sim.scans.files import ROOM, SOFA, boxes, capture_text, glb_bytes, obj_text, ply_bytes, png
+from tests.sim.scans.files import (
+    ROOM,
+    SOFA,
+    boxes,
+    capture_text,
+    glb_bytes,
+    obj_text,
+    ply_bytes,
+    png,
+    textured_ply_text,
+)
 from thinknav_sim.scans import ScanOptions, load_scan, write_scene
 from thinknav_sim.scans.glb_mesh import read_glb
-from thinknav_sim.scene import SceneError
+from thinknav_sim.scene import Scene, SceneError
 
 Change = Callable[[dict[str, Any]], None]
 
@@ -161,6 +172,18 @@ def test_an_obj_whose_texture_cannot_be_shown(tmp_path: Path, image: bytes | Non
         load_scan(tmp_path / "room.obj")
 
 
+def test_a_ply_whose_texture_cannot_be_shown(tmp_path: Path) -> None:
+    path = tmp_path / "room.ply"
+    path.write_text(textured_ply_text(*boxes([ROOM]), "comment TextureFile wall.png"))
+    with pytest.raises(SceneError, match=r"wall\.png, which is not there"):
+        load_scan(path)
+    (tmp_path / "wall.png").write_bytes(b"no image")
+    with pytest.raises(SceneError, match=r"wall\.png, which cannot be decoded"):
+        load_scan(path)
+    path.write_text(textured_ply_text(*boxes([ROOM]), "comment no texture"))
+    assert not load_scan(path).scene.textures
+
+
 @pytest.mark.parametrize("text", ["[" * 100_000, '{"spatialEntities": 1}'])
 def test_a_room_capture_that_is_none(write_glb: WriteGlb, text: str) -> None:
     path = write_glb(*boxes())
@@ -189,6 +212,12 @@ def test_an_imported_scene_with_a_flipped_bit_is_read_or_refused(write_glb: Writ
             (tmp_path / "kept.npz").write_bytes(data)
             with contextlib.suppress(SceneError):
                 load_scan(tmp_path / "kept.npz")
+
+
+def test_an_imported_scene_without_a_floor_is_refused(empty_room: Scene, tmp_path: Path) -> None:
+    write_scene(tmp_path / "roof.npz", replace(empty_room, floors=()), ())
+    with pytest.raises(SceneError, match=r"roof\.npz has no floor"):
+        load_scan(tmp_path / "roof.npz")
 
 
 def test_paths_that_are_no_scans(tmp_path: Path, write_glb: WriteGlb) -> None:

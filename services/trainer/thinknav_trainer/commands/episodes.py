@@ -1,5 +1,6 @@
 """`thinknav episodes`: make episode files in Habitat's format, and check such files."""
 
+import math
 from collections import Counter
 from pathlib import Path
 from typing import Annotated
@@ -9,6 +10,7 @@ from rich.console import Console
 from rich.table import Table
 
 from thinknav_sim.habitat import from_habitat, read_dataset
+from thinknav_sim.homes import SEEDS
 from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_trainer.config import ConfigError
 from thinknav_trainer.simple_homes import EpisodesWanted, check_is_free, rank_homes, write_episodes
@@ -31,8 +33,13 @@ def make(
     """Choose the simplest of many procedural homes, make episodes in them, and write both splits."""
     if homes > among:
         raise ConfigError(f"--homes {homes} cannot be chosen among {among}; make --among at least {homes}")
-    if not 0 < min_distance < max_distance:
-        raise ConfigError(f"--min-distance {min_distance} must be positive and below --max-distance {max_distance}")
+    last_home = len(SEEDS["train"]) - 1
+    if first_home + among - 1 > last_home:
+        raise ConfigError(f"--first-home {first_home} with --among {among} goes beyond the last home, {last_home}")
+    if not 0 < min_distance < max_distance < math.inf:
+        raise ConfigError(
+            f"--min-distance {min_distance} must be positive and below --max-distance {max_distance}, a finite length"
+        )
     check_is_free(output)
     config = ObjectNavConfig()
     ranked = rank_homes(range(first_home, first_home + among), rooms, config)

@@ -1,7 +1,9 @@
 """`thinknav scenes`: bring scans of real homes in, and see what was understood of them."""
 
+import contextlib
 import time
 from collections import Counter
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, cast, get_args
 
@@ -12,9 +14,9 @@ from rich.markup import escape
 
 from thinknav_sim.navigation import NavigationGrid
 from thinknav_sim.objectnav import make_grid
-from thinknav_sim.render import make_renderer
+from thinknav_sim.render import Renderer, make_renderer
 from thinknav_sim.scans import Scan, ScanOptions, Units, UpAxis, load_scan, write_scene
-from thinknav_sim.scene import GOAL_CATEGORIES, SceneError
+from thinknav_sim.scene import GOAL_CATEGORIES, Scene, SceneError
 from thinknav_sim.task_config import ObjectNavConfig
 from thinknav_trainer.report.scene_picture import draw_scene
 
@@ -45,8 +47,8 @@ def import_scene(
     scene = scan.scene
     config = ObjectNavConfig()
     renderer = make_renderer()
-    grids = [make_grid(scene, renderer, config, level) for level in scene.floors]
-    picture = draw_scene(scene, renderer, grids, config.agent_radius)
+    grids = _grids(scene, renderer, config)
+    picture = draw_scene(replace(scene, floors=tuple(grids)), renderer, list(grids.values()), config.agent_radius)
     console = Console()
     _describe(console, scan, grids, seconds)
     try:
@@ -58,7 +60,16 @@ def import_scene(
     console.print(f"picture: {output / f'{scene.name}.png'}", soft_wrap=True, markup=False)
 
 
-def _describe(console: Console, scan: Scan, grids: list[NavigationGrid], seconds: float) -> None:
+def _grids(scene: Scene, renderer: Renderer, config: ObjectNavConfig) -> dict[float, NavigationGrid]:
+    """The grids of the floors by their heights, the one that is played on first; others only where one can stand."""
+    grids = {scene.floors[0]: make_grid(scene, renderer, config, scene.floors[0])}
+    for level in scene.floors[1:]:
+        with contextlib.suppress(SceneError):
+            grids[level] = make_grid(scene, renderer, config, level)
+    return grids
+
+
+def _describe(console: Console, scan: Scan, grids: dict[float, NavigationGrid], seconds: float) -> None:
     scene = scan.scene
     console.print(
         f"[bold]{escape(scene.name)}[/bold] ({'from the cache' if scan.cached else 'read'} in {seconds:.2f} s)"
@@ -69,7 +80,11 @@ def _describe(console: Console, scan: Scan, grids: list[NavigationGrid], seconds
     console.print(f"  triangles: {len(scene.triangles):,}{textures}")
     width, height, depth = np.ptp(scene.vertices, axis=0)
     console.print(f"  extent: {width:.2f} x {depth:.2f} m, {height:.2f} m high")
-    for level, grid in zip(scene.floors, grids, strict=True):
+    for level in scene.floors:
+        grid = grids.get(level)
+        if grid is None:
+            console.print(f"  floor at {level:.2f} m: left out, too small to stand on")
+            continue
         area = float(grid.navigable.sum()) * grid.cell**2
         heights = grid.floor[grid.navigable]
         console.print(
