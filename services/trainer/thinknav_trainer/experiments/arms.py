@@ -131,7 +131,7 @@ def arms_of_five() -> tuple[Arm, ...]:
         IMITATION,
         *WITH_MEMORY,
         FORESIGHT,
-        *(longer(arm, 1_000_000) for arm in (NEVER, TAUGHT, CLONE)),
+        *(longer(arm, 1_000_000) for arm in (NEVER, TAUGHT, CLONE, FORESIGHT)),
         TAUGHT,
         THINK_COST,
         control_of(CLONE, "deaf"),
