@@ -136,15 +136,19 @@ def evaluate(
             think = {"think.context": views, "think.temperature": temperature}
             config = _config(preset, config_file, overrides, {"planner": planner, "planner.control": control, **think})
             setting = Setting(config, Obedience(turns, forwards, stop_gate, looks), clock)
-            told = f"-{control}" if control else ""
-            name = f"{agent}{told}-{where.name}"
-            folder = output or Path("runs") / "evaluations" / folder_name(name)
+            folder = output or _usual_folder(str(agent), control, where)
             records = _play(str(agent), where, setting, folder, interrupted)
             title = f"episodes of {where.name}, agent {agent}"
     if not interrupted.requested:
         print_summary(title, records)
         typer.echo(f"result: {folder / 'result.json'}")
     raise typer.Exit(interrupted.exit_code)
+
+
+def _usual_folder(agent: str, control: str | None, where: "Where") -> Path:
+    """Where an agent's evaluation goes by default."""
+    told = f"-{control}" if control else ""
+    return Path("runs") / "evaluations" / folder_name(f"{agent}{told}-{where.name}")
 
 
 def _check_options(context: typer.Context, checkpoint: Path | None, agent: str | None, output: Path | None) -> None:
