@@ -49,6 +49,19 @@ class Recording:
         return [Plan((f"go to the {item.goal}", "stop"), confidence=0.5) for item in items]
 
 
+class GatedEncoder:
+    """The shipped one, which waits until its gate is opened."""
+
+    space, dimension = shipped_text_encoder().space, 512
+
+    def __init__(self) -> None:
+        self.gate = threading.Event()
+
+    def encode(self, texts: Sequence[str]) -> NDArray[np.float32]:
+        assert self.gate.wait(10)
+        return shipped_text_encoder().encode(texts)
+
+
 def request(name: str, goal: str = "chair", size: int = 4, **fields: Any) -> SubgoalRequest:
     frame = Frame.raw(np.full((size, size, 3), 7, np.uint8))
     return SubgoalRequest(request_id=name, goal=goal, frame=frame, **fields)
@@ -163,14 +176,7 @@ def test_texts_are_embedded_within_limits() -> None:
 
 
 def test_more_texts_than_may_wait_are_refused() -> None:
-    free = threading.Event()
-
-    class Slow:
-        space, dimension = shipped_text_encoder().space, 512
-
-        def encode(self, texts: Sequence[str]) -> NDArray[np.float32]:
-            assert free.wait(10)
-            return shipped_text_encoder().encode(texts)
+    encoder = GatedEncoder()
 
     async def test(service: PlanningService) -> None:
         one = EmbedRequest(texts=("find a chair",))
@@ -178,23 +184,16 @@ def test_more_texts_than_may_wait_are_refused() -> None:
         await asyncio.sleep(0)
         with pytest.raises(Overloaded, match="8 requests wait for embeddings"):
             await service.embed(one)
-        free.set()
+        encoder.gate.set()
         await asyncio.gather(*waiting)
         await service.embed(one)
 
-    service = PlanningService(PlannerThread(Recording(), Slow()), SETTINGS)
+    service = PlanningService(PlannerThread(Recording(), encoder), SETTINGS)
     within(service, test(service))
 
 
 def test_draining_waits_for_embeddings_too() -> None:
-    free = threading.Event()
-
-    class Slow:
-        space, dimension = shipped_text_encoder().space, 512
-
-        def encode(self, texts: Sequence[str]) -> NDArray[np.float32]:
-            assert free.wait(10)
-            return shipped_text_encoder().encode(texts)
+    encoder = GatedEncoder()
 
     async def test(service: PlanningService) -> None:
         asked = asyncio.create_task(service.embed(EmbedRequest(texts=("find a chair",))))
@@ -202,11 +201,11 @@ def test_draining_waits_for_embeddings_too() -> None:
         drained = asyncio.create_task(service.drain(10))
         await asyncio.sleep(0.05)
         assert not drained.done()
-        free.set()
+        encoder.gate.set()
         await drained
         assert asked.done()
 
-    service = PlanningService(PlannerThread(Recording(), Slow()), SETTINGS)
+    service = PlanningService(PlannerThread(Recording(), encoder), SETTINGS)
     within(service, test(service))
 
 

@@ -66,8 +66,7 @@ def budgets(
         raise ConfigError("--biases names no point")
     if any(when.every is not None and when.every < 1 for when in manners[CLOCK]):
         raise ConfigError("--every takes numbers of steps from 1 on")
-    if output is not None:
-        check_folder("--output", output)
+    check_folder("--output", output)
     config = parse_config(Checkpoint.load(checkpoint).config)
     where = Where(homes, episodes_file, scenes, episodes)
     refuse_unused(context, where)

@@ -79,9 +79,10 @@ Turns = Annotated[int, typer.Option(min=1, help="turns for one that is told", ri
 Forwards = Annotated[int, typer.Option(min=1, help="steps forward for one that is told", rich_help_panel=_TOLD)]
 
 _OF_POLICY = ("split", "greedy", "think_bias", "think_every")
-_OF_AGENT = ("preset", "config_file", "overrides")
-_OF_ASKING = ("views", "temperature", "control", "planner")
+_OF_QUESTIONS = ("views", "temperature")
 _OF_OBEDIENCE = ("stop_gate", "looks", "turns", "forwards")
+_OF_AGENT = ("preset", "config_file", "overrides", *_OF_QUESTIONS, *_OF_OBEDIENCE)
+_OF_ASKING = (*_OF_QUESTIONS, "control", "planner")
 
 
 def evaluate(
@@ -156,16 +157,14 @@ def _check_options(context: typer.Context, checkpoint: Path | None, agent: str |
     if (checkpoint is None) == (agent is None):
         raise ConfigError("give either a checkpoint or --agent")
     if checkpoint is not None:
-        of_agent = (*_OF_AGENT, "views", "temperature", *_OF_OBEDIENCE)
-        refuse_given(context, of_agent, "for --agent; a checkpoint's policy plays the task of its run")
+        refuse_given(context, _OF_AGENT, "for --agent; a checkpoint's policy plays the task of its run")
     if agent is not None:
         refuse_given(context, _OF_POLICY, "for the policy of a checkpoint")
         if not named_agent(agent).thinks:
             refuse_given(context, _OF_ASKING, f"for an agent that asks a planner; {agent} does not")
         if agent != "planner":
             refuse_given(context, _OF_OBEDIENCE, f"for the agent planner, not {agent}")
-    if output is not None:
-        check_folder("--output", output)
+    check_folder("--output", output)
 
 
 def refuse_unused(context: typer.Context, where: "Where") -> None:

@@ -79,8 +79,7 @@ def _check(context: typer.Context, table: bool, results: Path | None) -> None:
     """Refuse what does not go together, before anything is trained. Raises ConfigError."""
     if table:
         refuse_given(context, ("arms", "seeds", "jobs"), "--table is of all that there is, and trains nothing")
-    if results is not None:
-        check_folder("--results", results)
+    check_folder("--results", results)
 
 
 def _form(wanted: Experiment, smoke: bool, quick: bool) -> Experiment:

@@ -158,8 +158,7 @@ def evaluate_clip(
     from thinknav_trainer.model_training.clip_workflow import evaluate_weights
 
     _refuse_homes_beside(scans, context)
-    if examples is not None:
-        check_folder("--examples", examples)
+    check_folder("--examples", examples)
     measures, gap = evaluate_weights(weights, scans or (), homes)
     console = Console()
     console.print(table(measures), soft_wrap=True, markup=False)

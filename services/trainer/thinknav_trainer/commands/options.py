@@ -13,9 +13,9 @@ Overrides = Annotated[list[str] | None, typer.Option("--set", metavar="KEY=VALUE
 Runs = Annotated[Path, typer.Option(help="folder of all runs")]
 
 
-def check_folder(option: str, path: Path) -> None:
-    """Refuse a file where a folder is written to. Raises ConfigError."""
-    if path.exists() and not path.is_dir():
+def check_folder(option: str, path: Path | None) -> None:
+    """Refuse a file where a folder is written to, if one is named. Raises ConfigError."""
+    if path is not None and path.exists() and not path.is_dir():
         raise ConfigError(f"{option} {path} is not a folder")
 
 

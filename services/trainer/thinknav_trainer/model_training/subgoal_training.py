@@ -18,6 +18,7 @@ from thinknav_models.subgoal_language import Vocabulary
 from thinknav_models.subgoal_network import IMAGE_SIZE, NetworkConfig, SubgoalNetwork
 from thinknav_trainer.checkpoint import load_tensors
 from thinknav_trainer.errors import UserError
+from thinknav_trainer.files import replacing
 from thinknav_trainer.interrupt import Interruption
 from thinknav_trainer.model_training.drawn_ahead import drawn_ahead
 from thinknav_trainer.model_training.frames import HomeSource, SceneSource
@@ -97,7 +98,6 @@ class Pupil:
 
     def save(self, path: Path) -> None:
         """Write all that goes on depends on, whole or not at all."""
-        path.parent.mkdir(parents=True, exist_ok=True)
         state = {
             "schooling": asdict(self.schooling),
             "source": self.source,
@@ -105,9 +105,8 @@ class Pupil:
             "optimizer": self.optimizer.state_dict(),
             "updates": self.updates,
         }
-        aside = path.with_suffix(".tmp")
-        torch.save(state, aside)
-        aside.replace(path)
+        with replacing(path) as file:
+            torch.save(state, file)
 
     def restore(self, path: Path) -> None:
         """Go on where `save` was called. Raises SchoolingError for a file of another schooling, or in other scenes."""
