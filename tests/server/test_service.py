@@ -192,12 +192,15 @@ def test_more_texts_than_may_wait_are_refused() -> None:
     within(service, test(service))
 
 
-def test_draining_waits_for_embeddings_too() -> None:
+@pytest.mark.parametrize("others", [[], [PlannerFailed("arrived as an error")]])
+def test_draining_waits_for_embeddings_too(others: list[PlannerError]) -> None:
+    """Whether or not others are answered meanwhile."""
     encoder = GatedEncoder()
 
     async def test(service: PlanningService) -> None:
         asked = asyncio.create_task(service.embed(EmbedRequest(texts=("find a chair",))))
         await asyncio.sleep(0)
+        await service.answer_each(others)
         drained = asyncio.create_task(service.drain(10))
         await asyncio.sleep(0.05)
         assert not drained.done()
